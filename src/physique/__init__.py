@@ -1,0 +1,1 @@
+"""Physics-based motion retargeting onto real human body shapes."""

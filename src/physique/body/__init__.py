@@ -1,0 +1,1 @@
+"""WHO performs: a person's mesh, its capsules and its masses. Never imports MuJoCo."""

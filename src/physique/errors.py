@@ -1,0 +1,16 @@
+"""The one exception that bad input raises, and the sentence it must be able to say."""
+
+from __future__ import annotations
+
+
+class InputError(ValueError):
+    """Input that cannot be used: a file, an option or a value.
+
+    Its text is one line that says where the fault is, what was found, what was expected and what
+    to do. The command line prints it and exits with code 2.
+    """
+
+    def __init__(self, place: str, found: str, expected: str, remedy: str) -> None:
+        self.place, self.found, self.expected, self.remedy = place, found, expected, remedy
+        text = f"{place}: found {found}; expected {expected}; {remedy}"
+        super().__init__(" ".join(text.split()))
