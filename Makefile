@@ -1,0 +1,68 @@
+# Every target first makes its own environment in .venv, from uv.lock. It needs Python 3.11 or
+# newer and pip's usual access to PyPI, nothing else. PYTHON=... chooses the interpreter.
+SHELL := /bin/sh
+VENV := .venv
+PY := $(VENV)/bin/python
+STAMP := $(VENV)/.installed
+WORKERS ?= 2
+# Numerical libraries must not start threads of their own under our process and thread pools.
+ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
+
+.DEFAULT_GOAL := help
+.PHONY: help env demo test test-slow check format bench clean
+
+help: ## list the targets
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' Makefile | expand -t 20
+
+env: $(STAMP) ## make or update .venv
+
+demo: $(STAMP) ## retarget a shipped clip onto shipped bodies, into out/demo
+	$(VENV)/bin/physique demo --out out/demo
+
+test: $(STAMP) ## run the tests
+	$(ONE_THREAD) $(PY) -m pytest -n $(WORKERS)
+
+test-slow: $(STAMP) ## run all tests, the ones of minutes too
+	$(ONE_THREAD) $(PY) -m pytest -n $(WORKERS) -m "slow or not slow"
+
+check: $(STAMP) ## lint, format, types, import layers
+	$(PY) -m ruff check .
+	$(PY) -m ruff format --check .
+	$(PY) -m mypy
+	$(VENV)/bin/lint-imports
+
+format: $(STAMP) ## apply the formatter and the safe lint fixes
+	$(PY) -m ruff check --fix .
+	$(PY) -m ruff format .
+
+bench: $(STAMP) ## measure speed and quality, into out/bench
+	$(ONE_THREAD) $(PY) benchmarks/run.py --out out/bench
+
+clean: ## remove results and caches (not .venv)
+	rm -rf out dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+	find . -path ./$(VENV) -prune -o -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# A stamp, so that nothing is done while the requirements stand as they are.
+$(STAMP): pyproject.toml uv.lock
+	@set -e; \
+	usable() { "$$1" -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1; }; \
+	if ! usable $(PY); then \
+	  found=; \
+	  for name in $(PYTHON) python3 python3.14 python3.13 python3.12 python3.11 python; do \
+	    if usable "$$name"; then found=$$name; break; fi; \
+	  done; \
+	  if [ -z "$$found" ]; then \
+	    echo "physique needs Python 3.11 or newer and found none; install one, or say where it is: make PYTHON=/path/to/python3" >&2; \
+	    exit 2; \
+	  fi; \
+	  if ! "$$found" -c 'import venv, ensurepip' >/dev/null 2>&1; then \
+	    echo "$$found has no venv module; install it (Debian, Ubuntu: apt install python3-venv), or choose another interpreter: make PYTHON=/path/to/python3" >&2; \
+	    exit 2; \
+	  fi; \
+	  "$$found" -m venv --clear $(VENV); \
+	fi; \
+	$(PY) -m pip --version >/dev/null 2>&1 || $(PY) -m ensurepip --upgrade >/dev/null; \
+	$(PY) -m pip install --quiet --disable-pip-version-check "uv>=0.9,<1"; \
+	UV_PROJECT_ENVIRONMENT=$(VENV) UV_PYTHON_DOWNLOADS=never \
+	  $(PY) -m uv sync --frozen --inexact --quiet; \
+	touch $@

@@ -1,0 +1,116 @@
+"""From a file or an embedded clip to a motion on the 22 SMPL joints."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from physique import rotations as rot
+from physique.errors import InputError
+from physique.motion import ground, rig
+from physique.motion.asfamc import read_asfamc
+from physique.motion.bvh import read_bvh
+from physique.motion.clip import Clip, Motion
+from physique.motion.conventions import apply_mapping, read_mapping, recognize
+from physique.motion.filter import low_pass as low_pass_filter
+from physique.motion.filter import repair_spikes
+from physique.motion.library import load_clip
+from physique.motion.tpose import find_tpose
+
+_READERS: dict[str, Callable[[Path], Clip]] = {".bvh": read_bvh, ".amc": read_asfamc}
+
+
+def read_clip(clip: str | Path) -> Clip:
+    """The clip in a .bvh or .amc file (the .asf lies beside it), or the embedded clip of a name.
+
+    Raises InputError for what is neither, and for damaged files.
+    """
+    path = Path(clip)
+    reader = _READERS.get(path.suffix.lower())
+    if reader is not None:
+        if not path.is_file():
+            raise InputError(str(path), "no such file", "a motion file", "check the path")
+        return reader(path)
+    if path.exists():
+        raise InputError(str(path), f"a {path.suffix or 'nameless'} file",
+                         f"a file of type {', '.join(_READERS)}",
+                         "convert it (for .asf, name the .amc)")  # fmt: skip
+    return load_clip(str(clip))
+
+
+def read_motion(
+    clip: str | Path,
+    *,
+    fps: float | None = None,
+    start: float | None = None,
+    end: float | None = None,
+    mapping: Path | None = None,
+    low_pass: float | None = 8.0,
+) -> Motion:
+    """The motion of a file or an embedded clip: on the 22 SMPL joints, on the floor, facing +x.
+
+    fps: frames a second of the recording, where the file's header is wrong; the frames stay as
+        they are. start, end: s, the part to keep. mapping: a TOML file for a skeleton that is
+        not recognised (docs/motion.md). low_pass: cut-off in Hz, None for none.
+
+    Raises InputError for input that cannot be used.
+    """
+    source = read_clip(clip)
+    if fps is not None:
+        if not (np.isfinite(fps) and 1 <= fps <= 10000):
+            raise InputError("fps", f"{fps:g}", "1 to 10000 frames a second", "correct the value")
+        source = replace(source, fps=float(fps))
+    if low_pass is not None and not (np.isfinite(low_pass) and low_pass > 0):
+        raise InputError("low_pass", f"{low_pass:g}", "a positive cut-off in Hz, or None",
+                         "correct the value")  # fmt: skip
+    if mapping is None:
+        names, joints = recognize(source)
+    else:
+        names = read_mapping(Path(mapping))
+        joints = apply_mapping(names, source)
+    tpose = find_tpose(source, names, joints)
+    source = replace(
+        source,
+        rotations=source.rotations[tpose.lead_in :],
+        positions=source.positions[tpose.lead_in :],
+    )
+    motion = repair_spikes(rig.to_motion(source, joints, tpose))
+    if low_pass is not None:
+        motion = low_pass_filter(motion, low_pass)
+    # The whole clip shows its floor better than a part does, so trim afterwards.
+    return face_forward(trim(ground.settle(motion), start, end))
+
+
+def trim(motion: Motion, start: float | None = None, end: float | None = None) -> Motion:
+    """The part of a motion from `start` to `end`, s.
+
+    Raises InputError where the clip does not have that part.
+    """
+    first = 0.0 if start is None else start
+    last = motion.seconds if end is None else end
+    if not (0 <= first < last <= motion.seconds + 1.0 / motion.fps):
+        raise InputError(motion.source, f"start {first:g} s and end {last:g} s",
+                         f"0 <= start < end <= {motion.seconds:.2f} s", "correct them")  # fmt: skip
+    keep = slice(round(first * motion.fps), round(last * motion.fps) + 1)
+    return replace(
+        motion,
+        rotations=motion.rotations[keep],
+        root=motion.root[keep],
+        contacts=motion.contacts[keep],
+    )
+
+
+def face_forward(motion: Motion) -> Motion:
+    """The motion turned and moved so that it starts over the origin, the pelvis facing +x."""
+    left = rot.rotate(motion.rotations[0, 0], np.array([0.0, 1.0, 0.0]))
+    forward = np.array([left[1], -left[0]])  # left x up: a stoop or a lean back does not turn it
+    if np.hypot(*forward) < 0.3:  # lying on the side
+        forward = rot.rotate(motion.rotations[0, 0], np.array([0.0, 0.0, 1.0]))[:2]
+    turn = rot.about("z", -np.arctan2(forward[1], forward[0]))
+    rotations = motion.rotations.copy()
+    rotations[:, 0] = rot.normalize(rot.multiply(turn, rotations[:, 0]))
+    root = rot.rotate(turn, motion.root - motion.root[0] * np.array([1.0, 1.0, 0.0]))
+    return replace(motion, rotations=rotations, root=root)

@@ -1,0 +1,168 @@
+"""CapsuleBody -> a MuJoCo model: 57 coordinates, 56 velocities, 50 position-controlled hinges.
+
+Every actuator is the paper's PD controller (Eq. 1): torque = kp (target - angle) - kd velocity,
+limited. `integrator="discrete"` treats its stiffness implicitly; explicit integrators diverge at
+kp 700 and 0.01 s. Warm starts are off, so that (q, v) alone is the whole state: any frame can be
+replayed bit for bit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from physique import skeleton
+from physique.body.capsule_body import CapsuleBody, Part
+from physique.simulation.hinges import AXES, HINGES
+
+Array = NDArray[np.float64]
+
+TIMESTEP = 0.01  # s
+STIFFNESS = 700.0  # kp, Nm/rad (section 3)
+DAMPING = 1.0  # kd, Nm s/rad (section 3)
+ARMATURE = 0.01  # kg m2
+FRICTION = 1.0
+#: Contacts fade in over this distance above the surface. Hard onset makes the cost jump where a
+#: foot touches down and derivatives useless.
+CONTACT_FADE = 0.005  # m
+
+_GEOM_TYPE = {
+    "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE,
+    "box": mujoco.mjtGeom.mjGEOM_BOX,
+    "ellipsoid": mujoco.mjtGeom.mjGEOM_ELLIPSOID,
+}
+
+
+@dataclass(frozen=True)
+class Character:
+    """A body that can be simulated.
+
+    xml: MJCF text; `model` is compiled from this very text, so that whoever loads it steps the
+        same numbers.
+    torque_limit: (50,) Nm.
+    joint_bodies: (22,) MuJoCo body index of each joint of `skeleton.JOINTS`.
+    foot_geoms: (2, 2) geom index of (foot, toes) of the left and the right leg.
+    """
+
+    body: CapsuleBody
+    xml: str
+    model: mujoco.MjModel
+    torque_limit: Array
+    joint_bodies: NDArray[np.int64]
+    foot_geoms: NDArray[np.int64]
+
+    @property
+    def mass(self) -> float:
+        """Total mass, kg."""
+        return float(self.model.body_subtreemass[0])
+
+
+def make_character(body: CapsuleBody, torque_limit: Array | float) -> Character:
+    """Build the model of `body` with limits of `torque_limit` (50,) or one for all, Nm."""
+    limits = np.broadcast_to(np.asarray(torque_limit, dtype=float), (len(HINGES),)).copy()
+    xml = _spec(body, limits).to_xml()
+    model = mujoco.MjModel.from_xml_string(xml)
+    geom = {model.geom(i).name: i for i in range(model.ngeom)}
+    return Character(
+        body=body,
+        xml=xml,
+        model=model,
+        torque_limit=limits,
+        joint_bodies=np.array([model.body(name).id for name in skeleton.JOINTS]),
+        foot_geoms=np.array(
+            [[geom[f"{s}_ankle"], geom[f"{s}_foot"]] for s in ("left", "right")]
+        ),
+    )
+
+
+def _spec(body: CapsuleBody, limits: Array) -> mujoco.MjSpec:
+    spec = mujoco.MjSpec()
+    spec.modelname = body.name
+    spec.compiler.degree = False
+    spec.compiler.autolimits = True
+    option = spec.option
+    option.timestep = TIMESTEP
+    option.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
+    # Elliptic cones are smoother than pyramids; the ratio keeps soft contacts from creeping
+    # sideways; larger ratios cost the constraint solver several times more iterations.
+    option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    option.impratio = 3.0
+    option.disableflags |= mujoco.mjtDisableBit.mjDSBL_WARMSTART
+    spec.worldbody.add_geom(
+        name="floor",
+        type=mujoco.mjtGeom.mjGEOM_PLANE,
+        size=[0, 0, 0.05],
+        rgba=[0.8, 0.8, 0.8, 1],
+        **_contact(),
+    )
+    bodies: dict[int, mujoco.MjsBody] = {-1: spec.worldbody}
+    origin = np.zeros(3)
+    for index, (name, part) in enumerate(zip(skeleton.JOINTS, body.parts)):
+        parent = skeleton.PARENTS[index]
+        parent_joint = origin if parent < 0 else body.joints[parent]
+        node = bodies[parent].add_body(name=name, pos=body.joints[index] - parent_joint)
+        bodies[index] = node
+        if parent < 0:
+            node.add_freejoint(name="root")
+        for axis in AXES.get(name, ""):
+            node.add_joint(
+                name=f"{name}_{axis}",
+                type=mujoco.mjtJoint.mjJNT_HINGE,
+                axis=np.eye(3)["xyz".index(axis)],
+                armature=ARMATURE,
+            )
+        _add_part(node, part, body.joints[index])
+    for i, j in body.excluded:
+        spec.add_exclude(bodyname1=skeleton.JOINTS[i], bodyname2=skeleton.JOINTS[j])
+    for hinge, limit in zip(HINGES, limits):
+        actuator = spec.add_actuator(name=hinge.name, target=hinge.name)
+        actuator.trntype = mujoco.mjtTrn.mjTRN_JOINT
+        actuator.set_to_position(kp=STIFFNESS, kv=DAMPING)
+        actuator.forcerange = [-limit, limit]
+    for kind in (mujoco.mjtSensor.mjSENS_SUBTREECOM, mujoco.mjtSensor.mjSENS_SUBTREELINVEL):
+        spec.add_sensor(
+            name=kind.name.removeprefix("mjSENS_").lower(),
+            type=kind,
+            objtype=mujoco.mjtObj.mjOBJ_BODY,
+            objname="pelvis",
+        )
+    spec.compile()
+    return spec
+
+
+def _contact() -> dict[str, object]:
+    return {
+        "condim": 3,
+        "friction": [FRICTION, 0.005, 0.0001],
+        "margin": CONTACT_FADE / 2,  # margins of the two geoms add up
+        "solimp": [0.0, 0.95, CONTACT_FADE, 0.5, 2.0],
+        "solref": [0.02, 1.0],
+    }
+
+
+def _add_part(node: mujoco.MjsBody, part: Part, joint: Array) -> None:
+    """Shape and inertia of `part` on the body whose frame sits at `joint`, world-aligned at rest."""
+    rgba = [0.72, 0.6, 0.52, 1.0]
+    if part.name.startswith("left_"):
+        rgba = [0.35, 0.55, 0.75, 1.0]
+    elif part.name.startswith("right_"):
+        rgba = [0.8, 0.45, 0.38, 1.0]
+    quat = np.zeros(4)
+    mujoco.mju_mat2Quat(quat, np.ascontiguousarray(part.R_world_from_part).ravel())
+    node.add_geom(
+        name=part.name,
+        type=_GEOM_TYPE[part.shape],
+        size=part.size,
+        pos=part.center - joint,
+        quat=quat,
+        rgba=rgba,
+        **_contact(),
+    )
+    node.explicitinertial = True
+    node.mass = part.mass
+    node.ipos = part.com - joint
+    I = part.inertia  # noqa: E741
+    node.fullinertia = [I[0, 0], I[1, 1], I[2, 2], I[0, 1], I[0, 2], I[1, 2]]

@@ -1,0 +1,74 @@
+"""What a sequence of poses looks like on a character: joints, centre of mass, clearance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from physique.simulation.character import Character
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Poses:
+    """Of T poses: joints (T, 22, 3) m, com (T, 3) m, com_jacobian (T, 3, 56) (tangent of q),
+    lowest (T, ngeom) m: the height of each geom's lowest point, infinite for the floor."""
+
+    joints: Array
+    com: Array
+    com_jacobian: Array
+    lowest: Array
+
+
+def poses(character: Character, q: Array) -> Poses:
+    """Kinematics of q (T, 57)."""
+    model = character.model
+    data = mujoco.MjData(model)
+    frames = len(q)
+    out = Poses(
+        joints=np.empty((frames, 22, 3)),
+        com=np.empty((frames, 3)),
+        com_jacobian=np.empty((frames, 3, model.nv)),
+        lowest=np.full((frames, model.ngeom), np.inf),
+    )
+    pelvis = int(character.joint_bodies[0])
+    for t in range(frames):
+        data.qpos[:] = q[t]
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_jacSubtreeCom(model, data, out.com_jacobian[t], pelvis)
+        out.joints[t] = data.xpos[character.joint_bodies]
+        out.com[t] = data.subtree_com[pelvis]
+        out.lowest[t, 1:] = _lowest(model, data)
+    return out
+
+
+def com_velocity(com_jacobian: Array, v: Array) -> Array:
+    """Velocity (T, 3) of the centre of mass at velocities v (T, 56)."""
+    return np.einsum("tik,tk->ti", com_jacobian, v)
+
+
+def joint_positions(character: Character, q: Array) -> Array:
+    """World positions (T, 22, 3), m, of the joints at q (T, 57)."""
+    return poses(character, q).joints
+
+
+def _lowest(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
+    """Height of the lowest point of every geom but the first, which is the floor."""
+    down = data.geom_xmat.reshape(-1, 3, 3)[1:, 2, :]  # the world's z axis in geom frames
+    size = model.geom_size[1:]
+    kind = model.geom_type[1:]
+    reach = np.where(
+        kind == mujoco.mjtGeom.mjGEOM_BOX,
+        np.sum(np.abs(down) * size, axis=1),
+        np.where(
+            kind == mujoco.mjtGeom.mjGEOM_ELLIPSOID,
+            np.linalg.norm(down * size, axis=1),
+            size[:, 0] + np.abs(down[:, 2]) * size[:, 1],  # capsule
+        ),
+    )
+    return data.geom_xpos[1:, 2] - reach

@@ -1,0 +1,143 @@
+"""The cost of Eqs. 2 to 9: how far a simulated motion is from the reference.
+
+`evaluate` is the paper's cost, vectorised over samples and time, and the only number by which
+optimisers are compared. `expand` is its Gauss-Newton model for the optimiser that uses
+derivatives.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from physique import rotations
+from physique.simulation.hinges import HINGES
+from physique.simulation.state import difference
+
+Array = NDArray[np.float64]
+
+TERMS = ("com", "com_velocity", "pose", "velocity", "root", "acceleration")
+
+
+def joint_weights() -> Array:
+    """beta of Eqs. 5 and 6, (50,): hips 10, shoulders 3, all others 1."""
+    return np.array(
+        [10.0 if "_hip" in h.joint else 3.0 if "_shoulder" in h.joint else 1.0 for h in HINGES]
+    )
+
+
+@dataclass(frozen=True)
+class Weights:
+    """w of Eq. 2, as in section 3.1. `acceleration` is the paper's w_jerk (Eq. 8)."""
+
+    com: float = 15.0
+    com_velocity: float = 0.5
+    pose: float = 0.5
+    velocity: float = 0.0005
+    root: float = 4.0
+    acceleration: float = 1e-10
+    joints: Array = field(default_factory=joint_weights)  # (50,)
+
+
+@dataclass(frozen=True)
+class Target:
+    """What T frames should look like: q (T, 57), v (T, 56), com (T, 3), com_velocity (T, 3)."""
+
+    q: Array
+    v: Array
+    com: Array
+    com_velocity: Array
+
+
+def evaluate(
+    weights: Weights,
+    target: Target,
+    q: Array,
+    v: Array,
+    com: Array,
+    com_velocity: Array,
+    timestep: float,
+) -> dict[str, Array]:
+    """The weighted terms of Eq. 2, each (...,), of motions q (..., T, 57), v (..., T, 56).
+
+    com, com_velocity: (..., T, 3). The first frame is the start state; it belongs to the sums,
+    though no control can change it. Eq. 7 is half the angle between the root orientations.
+    """
+    dq = q[..., 7:] - target.q[:, 7:]
+    dv = v[..., 6:] - target.v[:, 6:]
+    # |<a, b>| is the cosine of half the angle; arccos of a rounded 1 would lose half the digits.
+    turn = rotations.log(
+        rotations.multiply(rotations.conjugate(target.q[:, 3:7]), q[..., 3:7])
+    )
+    acceleration = np.diff(v, axis=-2) / timestep
+    return {
+        "com": weights.com * np.sum((com - target.com) ** 2, axis=(-2, -1)),
+        "com_velocity": weights.com_velocity
+        * np.sum((com_velocity - target.com_velocity) ** 2, axis=(-2, -1)),
+        "pose": weights.pose * np.sum(weights.joints * dq**2, axis=(-2, -1)),
+        "velocity": weights.velocity * np.sum(weights.joints * dv**2, axis=(-2, -1)),
+        "root": weights.root * np.sum(np.linalg.norm(turn, axis=-1) / 2, axis=-1),
+        "acceleration": weights.acceleration * np.sum(acceleration**2, axis=(-2, -1)),
+    }
+
+
+def total(terms: dict[str, Array]) -> Array:
+    """E of Eq. 2."""
+    return np.sum([terms[name] for name in TERMS], axis=0)
+
+
+@dataclass(frozen=True)
+class Quadratic:
+    """Gauss-Newton model of the cost of each frame in the tangent of its state.
+
+    gradient (T, 112), hessian (T, 112, 112).
+    """
+
+    gradient: Array
+    hessian: Array
+
+
+def expand(
+    weights: Weights,
+    target: Target,
+    q: Array,
+    v: Array,
+    com: Array,
+    com_velocity: Array,
+    com_jacobian: Array,
+    kink: float,
+) -> Quadratic:
+    """The model at q (T, 57), v (T, 56); com_jacobian (T, 3, 56) is d com / d q (tangent).
+
+    kink: rad. Eq. 7 grows linearly with the angle and has a kink at zero; below about this angle
+    the model rounds it off (pseudo-Huber). The acceleration term (weight 1e-10) is left out.
+    """
+    frames, nv = v.shape
+    gradient = np.zeros((frames, 2 * nv))
+    hessian = np.zeros((frames, 2 * nv, 2 * nv))
+    J = com_jacobian
+    gradient[:, :nv] += 2 * weights.com * np.einsum("tik,ti->tk", J, com - target.com)
+    hessian[:, :nv, :nv] += 2 * weights.com * np.einsum("tik,til->tkl", J, J)
+    # d com_velocity / d v is the same Jacobian; its dependence on q is second order here.
+    gradient[:, nv:] += (
+        2 * weights.com_velocity * np.einsum("tik,ti->tk", J, com_velocity - target.com_velocity)
+    )
+    hessian[:, nv:, nv:] += 2 * weights.com_velocity * np.einsum("tik,til->tkl", J, J)
+
+    away = difference(target.q, q)
+    joint = np.arange(6, nv)
+    gradient[:, joint] += 2 * weights.pose * weights.joints * away[:, 6:]
+    hessian[:, joint, joint] += 2 * weights.pose * weights.joints
+    gradient[:, nv + joint] += 2 * weights.velocity * weights.joints * (v - target.v)[:, 6:]
+    hessian[:, nv + joint, nv + joint] += 2 * weights.velocity * weights.joints
+
+    # root * angle / 2, with angle -> sqrt(angle^2 + kink^2); the rotation vector between nearby
+    # orientations moves one to one with the pelvis frame's tangent.
+    turn = away[:, 3:6]
+    scale = weights.root / 2 / np.sqrt(np.sum(turn**2, axis=-1) + kink**2)
+    gradient[:, 3:6] += scale[:, None] * turn
+    root = np.arange(3, 6)
+    hessian[:, root, root] += scale[:, None]
+    return Quadratic(gradient, hessian)

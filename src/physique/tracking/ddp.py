@@ -1,0 +1,220 @@
+"""The fast optimiser: iterative LQR (Gauss-Newton DDP) on the position targets.
+
+Each iteration linearises the simulator along the current motion, solves the linear-quadratic
+problem backwards in time, and runs the resulting feedback policy forwards in closed loop at
+several step lengths. Torque limits enter as boxes: a target beyond the limit is moved back to it,
+and targets that sit at a limit and want to go beyond take no part in the backward pass.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+
+from physique.simulation import kinematics
+from physique.simulation.linearize import Linearization
+from physique.simulation.rollout import Rollout, within_limits
+from physique.simulation.state import difference
+from physique.tracking import costs
+from physique.tracking.costs import Quadratic
+from physique.tracking.problem import Problem, Simulator, Solution
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Options:
+    """Settings of the optimiser.
+
+    iterations: at most. tolerance: stop when an iteration gains less than this fraction of E.
+    kink: rad, where Eq. 7's model is rounded off. step_lengths: of the line search, in pairs.
+    damping: of the controls, at the start, its least and its greatest value; start_dampings are
+        tried side by side to close the gaps of the nominal motion.
+    """
+
+    iterations: int = 20
+    tolerance: float = 0.01
+    kink: float = 0.02
+    step_lengths: tuple[float, ...] = (1.0, 0.5, 0.25, 0.1, 0.03, 0.01)
+    damping: float = 1e-2
+    start_dampings: tuple[float, ...] = (1.0, 10.0)
+    damping_least: float = 1e-5
+    damping_most: float = 1e4
+
+
+@dataclass(frozen=True)
+class Policy:
+    """u(t, x) = control + step * feedforward + feedback (x - x0); (N, 50), (N, 50), (N, 50, 112).
+
+    gain: the decrease of E that the model predicts for a full step.
+    """
+
+    feedforward: Array
+    feedback: Array
+    gain: float
+
+
+def solve(
+    problem: Problem,
+    simulator: Simulator,
+    nominal: Rollout,
+    options: Options = Options(),  # noqa: B008
+    on_iteration: Callable[[int, float], None] | None = None,
+) -> Solution:
+    """Minimise E, starting from the nominal motion, which need not obey physics.
+
+    Where a step from a nominal state misses the next one (a gap), the first backward pass takes
+    the gap into account and the first forward pass closes it: started at the reference itself,
+    this is LQR tracking of the reference, which stands where open-loop controls fall.
+    """
+    before = simulator.steps
+    history: list[float] = []
+    derivatives: tuple[Linearization, Quadratic] | None = _expand(
+        problem, simulator, nominal, options.kink
+    )
+    best, cost = _close_gaps(problem, simulator, nominal, derivatives, options)
+    history.append(cost)
+    if not np.isfinite(cost):
+        return Solution(best, cost, tuple(history), simulator.steps - before, "start diverged")
+    derivatives = None
+    damping = options.damping
+    status = "iterations"
+    for iteration in range(1, options.iterations):
+        if derivatives is None:
+            derivatives = _expand(problem, simulator, best, options.kink)
+        policy = backward(problem, best, *derivatives, damping)
+        found = None
+        if policy is not None:
+            found = _line_search(problem, simulator, best, cost, policy, options.step_lengths)
+        if found is None:
+            damping *= 8
+            if damping > options.damping_most:
+                status = "no step lowers the cost"
+                break
+            continue
+        previous, (best, cost, length) = cost, found
+        derivatives = None
+        history.append(cost)
+        if on_iteration is not None:
+            on_iteration(iteration, cost)
+        damping = max(damping / 4, options.damping_least) if length > 0.4 else damping * 2
+        if length == 1.0 and previous - cost < options.tolerance * previous:
+            status = "converged"
+            break
+    return Solution(best, cost, tuple(history), simulator.steps - before, status)
+
+
+def _close_gaps(
+    problem: Problem,
+    simulator: Simulator,
+    nominal: Rollout,
+    derivatives: tuple[Linearization, Quadratic],
+    options: Options,
+) -> tuple[Rollout, float]:
+    """The best roll-out about the nominal motion, with feedback or without."""
+    controllers = [
+        closed_loop(problem, nominal, policy, length)
+        for damping in options.start_dampings
+        if (policy := backward(problem, nominal, *derivatives, damping)) is not None
+        for length in (1.0, 0.0)
+    ]
+    controllers.append(
+        lambda t, q, v: within_limits(problem.character, nominal.control[t], q, v)
+    )
+    rollouts = simulator.run(problem.q0, problem.v0, problem.steps, controllers)
+    best = min(rollouts, key=problem.cost)
+    return best, problem.cost(best)
+
+
+def _expand(
+    problem: Problem, simulator: Simulator, rollout: Rollout, kink: float
+) -> tuple[Linearization, Quadratic]:
+    linear = simulator.linearize(rollout.q[:-1], rollout.v[:-1], rollout.control)
+    jacobian = kinematics.poses(problem.character, rollout.q).com_jacobian
+    quadratic = costs.expand(
+        problem.weights, problem.target, rollout.q, rollout.v, rollout.com, rollout.com_velocity,
+        jacobian, kink,
+    )  # fmt: skip
+    return linear, quadratic
+
+
+def backward(
+    problem: Problem, rollout: Rollout, linear: Linearization, cost: Quadratic, damping: float
+) -> Policy | None:
+    """The linear-quadratic policy about a roll-out; None where the damping is too small."""
+    steps, nu = rollout.control.shape
+    feedforward = np.zeros((steps, nu))
+    feedback = np.zeros((steps, nu, 112))
+    v_x, v_xx = cost.gradient[-1].copy(), cost.hessian[-1].copy()
+    # Zero, but for a nominal motion that does not obey physics.
+    gaps = np.concatenate(
+        [difference(rollout.q[1:], linear.q), linear.v - rollout.v[1:]], axis=1
+    )  # (N, 112)
+    gain = 0.0
+    limit = problem.character.torque_limit * (1 - 1e-5)
+    for t in range(steps - 1, -1, -1):
+        A, B = linear.matrices(t)
+        VA, VB = v_xx @ A, v_xx @ B
+        v_x = v_x + v_xx @ gaps[t]
+        q_x = cost.gradient[t] + A.T @ v_x
+        q_u = B.T @ v_x
+        q_xx = cost.hessian[t] + A.T @ VA
+        q_ux = B.T @ VA
+        q_uu = B.T @ VB
+        regular = q_uu + damping * np.eye(nu)
+        torque = rollout.torque[t]
+        free = np.ones(nu, dtype=bool)
+        # At a limit, descent directions that push further out are blocked.
+        free &= ~((torque >= limit) & (q_u < 0)) & ~((torque <= -limit) & (q_u > 0))
+        try:
+            factor = cho_factor(regular[np.ix_(free, free)])
+        except np.linalg.LinAlgError:
+            return None
+        solved = cho_solve(factor, np.column_stack([q_u[free], q_ux[free]]))
+        k, K = np.zeros(nu), np.zeros((nu, 112))
+        k[free], K[free] = -solved[:, 0], -solved[:, 1:]
+        feedforward[t], feedback[t] = k, K
+        gain -= q_u @ k + 0.5 * k @ q_uu @ k
+        v_x = q_x + K.T @ (q_uu @ k + q_u) + q_ux.T @ k
+        v_xx = q_xx + K.T @ q_uu @ K + K.T @ q_ux + q_ux.T @ K
+        v_xx = 0.5 * (v_xx + v_xx.T)
+    return Policy(feedforward, feedback, gain)
+
+
+def _line_search(
+    problem: Problem,
+    simulator: Simulator,
+    best: Rollout,
+    cost: float,
+    policy: Policy,
+    lengths: tuple[float, ...],
+) -> tuple[Rollout, float, float] | None:
+    """The first pair of step lengths of which one lowers E, and the better of the two."""
+    for i in range(0, len(lengths), 2):
+        pair = lengths[i : i + 2]
+        rollouts = simulator.run(
+            problem.q0, problem.v0, problem.steps,
+            [closed_loop(problem, best, policy, length) for length in pair],
+        )  # fmt: skip
+        found = [(problem.cost(r), -length, r) for r, length in zip(rollouts, pair)]
+        low, minus_length, rollout = min(found, key=lambda f: f[:2])
+        if low < cost:
+            return rollout, low, -minus_length
+    return None
+
+
+def closed_loop(
+    problem: Problem, about: Rollout, policy: Policy, length: float
+) -> Callable[[int, Array, Array], Array]:
+    """The controller that follows `policy` with its feedforward scaled by `length`."""
+
+    def control(t: int, q: Array, v: Array) -> Array:
+        dx = np.concatenate([difference(about.q[t], q), v - about.v[t]])
+        wanted = about.control[t] + length * policy.feedforward[t] + policy.feedback[t] @ dx
+        return within_limits(problem.character, wanted, q, v)
+
+    return control
