@@ -1,1 +1,76 @@
 """Physics-based motion retargeting onto real human body shapes."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from importlib.metadata import version
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from physique.body.bodyfile import load_body, save_body
+    from physique.body.build import capsule_body
+    from physique.body.fit import make_body
+    from physique.body.named import named_body
+    from physique.errors import InputError
+    from physique.motion.clip import Motion
+    from physique.motion.library import list_clips
+    from physique.motion.read import read_motion
+    from physique.pipeline import Progress, export_bvh, retarget
+    from physique.run import Run, load_run
+    from physique.simulation.character import Character, make_character
+    from physique.simulation.strength import torque_limits
+    from physique.tracking.reference import Reference, make_reference
+    from physique.tracking.start import start_state
+    from physique.tracking.trajectory import Trajectory
+
+__version__ = version("physique")
+
+__all__ = [
+    "Character",
+    "InputError",
+    "Motion",
+    "Progress",
+    "Reference",
+    "Run",
+    "Trajectory",
+    "capsule_body",
+    "export_bvh",
+    "list_clips",
+    "load_body",
+    "load_run",
+    "make_body",
+    "make_character",
+    "make_reference",
+    "named_body",
+    "read_motion",
+    "retarget",
+    "save_body",
+    "start_state",
+    "torque_limits",
+]
+
+_HOME = {
+    "physique.body.bodyfile": ("load_body", "save_body"),
+    "physique.body.build": ("capsule_body",),
+    "physique.body.fit": ("make_body",),
+    "physique.body.named": ("named_body",),
+    "physique.errors": ("InputError",),
+    "physique.motion.clip": ("Motion",),
+    "physique.motion.library": ("list_clips",),
+    "physique.motion.read": ("read_motion",),
+    "physique.pipeline": ("Progress", "export_bvh", "retarget"),
+    "physique.run": ("Run", "load_run"),
+    "physique.simulation.character": ("Character", "make_character"),
+    "physique.simulation.strength": ("torque_limits",),
+    "physique.tracking.reference": ("Reference", "make_reference"),
+    "physique.tracking.start": ("start_state",),
+    "physique.tracking.trajectory": ("Trajectory",),
+}
+
+
+def __getattr__(name: str) -> object:
+    """Import the module that has `name` at its first use: MuJoCo and SciPy take a second."""
+    for module, names in _HOME.items():
+        if name in names:
+            return getattr(import_module(module), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -25,6 +25,7 @@ Array = NDArray[np.float64]
 
 #: How far a capsule's centre may move off its part's middle, in radii of the part's own capsule.
 DRIFT = 0.5
+TRUNK = ("pelvis", "spine1", "spine2", "spine3")
 #: rad. A limb's principal direction may be off its bone by this much.
 ASTRAY = np.radians(15.0)
 #: Part of its own best capsule that a capsule keeps where Eq. 10, blind inside a neighbour, says
@@ -81,13 +82,17 @@ def _frame(axis: Array) -> Array:
 
 
 def _capsule(mesh: BodyMesh, name: str, own: _Own) -> Primitive:
-    """The capsule that fits a part alone: along a principal direction or, on limbs, the bone.
+    """The capsule that fits a part alone, along the principal direction that fits best.
 
-    Short thick parts have no clear first direction, so all are tried and the best fit is kept. A
-    limb's must lie near its bone; the collar's skin is an open saddle without any, so it has none.
+    Short thick parts have no clear first direction, so more than one is tried. The trunk's is the
+    one from side to side; a limb's must lie near its bone, or is the bone's; the collar's skin is
+    an open saddle without any, so its capsule follows the bone.
     """
     axes = principal_axes(own.points, own.area)
-    if name.startswith(("left_", "right_")):
+    if name in TRUNK:
+        across = mesh.joints[INDEX["left_hip"]] - mesh.joints[INDEX["right_hip"]]
+        axes = axes[[np.abs(axes @ across).argmax()]]
+    elif name.startswith(("left_", "right_")):
         bone = mesh.joints[PARENTS.index(INDEX[name])] - mesh.joints[INDEX[name]]
         bone = bone / np.linalg.norm(bone)
         near = np.abs(axes @ bone) > np.cos(ASTRAY)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physique.body.mesh import BodyMesh
-from physique.body.tpose import skin_weights, t_pose
+from physique.body.tpose import leg_extension, skin_weights, t_pose
 from physique.skeleton import JOINTS
 
 Array = NDArray[np.float64]
@@ -124,9 +124,9 @@ def shape(phenotype: Phenotype) -> tuple[Array, dict[str, Array]]:
 
 
 def stature_and_volume(phenotype: Phenotype) -> tuple[float, float]:
-    """Height, m, and volume, m3, in the A-pose."""
-    vertices, _ = shape(phenotype)
-    return float(vertices[:, 2].max()), mesh_volume(vertices, asset().faces)
+    """Height, m, in the T-pose and volume, m3, in the A-pose."""
+    vertices, points = shape(phenotype)
+    return float(vertices[:, 2].max()) + leg_extension(points), mesh_volume(vertices, asset().faces)
 
 
 def body_mesh(phenotype: Phenotype, name: str) -> BodyMesh:

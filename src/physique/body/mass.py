@@ -25,8 +25,8 @@ CUBES = 120_000
 #: Points in each primitive that measure its overlap with its ancestors.
 OVERLAP_POINTS = 20_000
 
-#: A capsule buried in its ancestors keeps this share of its volume: no part can be without mass.
-LEAST_SHARE = 0.02
+#: Share of the body's mass that a capsule buried in its ancestors keeps: none can be without.
+LEAST_SHARE = 0.001
 
 #: The segments of de Leva's table and the parts that make them up; limbs are one side.
 SEGMENTS: dict[str, tuple[str, ...]] = {
@@ -120,7 +120,8 @@ def _by_nearest_bone(mesh: BodyMesh) -> list[PartMass]:
 
 def _by_primitive(mass: float, solids: Sequence[Solid]) -> list[PartMass]:
     rest = np.array([1.0 - _shared(i, solids) for i in range(len(solids))])
-    own = np.array([volume(s) for s in solids]) * np.maximum(rest, LEAST_SHARE)
+    own = np.array([volume(s) for s in solids]) * rest
+    own = np.maximum(own, LEAST_SHARE * own.sum())
     weights = mass * own / own.sum()
     return [PartMass(float(w), s.center, inertia(s, float(w))) for w, s in zip(weights, solids)]
 

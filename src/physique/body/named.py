@@ -25,9 +25,14 @@ class Person:
 PEOPLE: dict[str, Person] = {
     "average": Person("man of middle height and mass", "male", 1.75, 75.0),
     "average_woman": Person("woman of middle height and mass", "female", 1.65, 62.0),
-    "thin": Person("lean man, the paper's lightest subject", "male", 1.69, 62.2),
+    "thin": Person(
+        "lean man, of the stature and mass of the first body in the paper's Figure 1",
+        "male",
+        1.69,
+        62.2,
+    ),
     "thin_woman": Person("slight woman", "female", 1.68, 48.0),
-    "heavy": Person("very heavy man, the paper's heaviest subject", "male", 1.80, 155.4),
+    "heavy": Person("very heavy man, the second body in the paper's Figure 1", "male", 1.80, 155.4),
     "heavy_woman": Person("heavy woman", "female", 1.66, 95.0),
     "tall": Person("tall, slim man", "male", 1.93, 84.0),
     "short_woman": Person("short woman of middle mass", "female", 1.52, 53.0),

@@ -1,7 +1,8 @@
-"""From MakeHuman's A-pose, elbows bent, to the T-pose: linear blend skinning of the arms.
+"""From MakeHuman's A-pose, elbows bent, to the T-pose, by linear blend skinning.
 
-Arms lie along +-y, palms down, thumbs forward, elbows flexing forward about z, as in SMPL. The legs
-stand as they are. The twist of the upper arm and of the hand is spread over the limb by the rig's
+Arms lie along +-y, palms down, thumbs forward, elbows flexing forward about z, as in SMPL. Legs go
+straight down and feet straight ahead, as in the T-poses that motions are relative to: a body whose
+legs stood apart at rest would walk with its feet twice as far apart as the performer. The twist of the upper arm and of the hand is spread over the limb by the rig's
 extra bones, so the skin does not wring at the shoulder and the wrist.
 """
 
@@ -34,7 +35,8 @@ def t_pose(
     offset = np.zeros((len(bones), 3))
     joints = np.array([points[name] for name in JOINTS])
     for side in ("left", "right"):
-        for part, (rotation, pivot, moved) in _arm(points, side).items():
+        limbs = {**_arm(points, side), **_leg(points, side)}
+        for part, (rotation, pivot, moved) in limbs.items():
             b = bones.index(f"{side}_{part}")
             R[b], offset[b] = rotation, moved - rotation @ pivot
             if f"{side}_{part}" in INDEX:
@@ -96,6 +98,30 @@ def _arm(points: dict[str, Array], side: str) -> dict[str, tuple[Array, Array, A
     return {
         name: (mirror @ rotation @ mirror, flip * pivot, flip * moved)
         for name, (rotation, pivot, moved) in bones.items()
+    }
+
+
+def leg_extension(points: dict[str, Array]) -> float:
+    """How much taller, m, the person is in the T-pose, with straight legs, than in the A-pose."""
+    hip, knee, ankle = (points[f"left_{name}"] for name in ("hip", "knee", "ankle"))
+    length = np.linalg.norm(knee - hip) + np.linalg.norm(ankle - knee)
+    return float(length - (hip[2] - ankle[2]))
+
+
+def _leg(points: dict[str, Array], side: str) -> dict[str, tuple[Array, Array, Array]]:
+    """As `_arm`, for the bones of one leg; the sole stays level."""
+    hip, knee, ankle, foot = (points[f"{side}_{n}"] for n in ("hip", "knee", "ankle", "foot"))
+    down = np.array([0.0, 0.0, -1.0])
+    thigh, shank = _swing(knee - hip, down), _swing(ankle - knee, down)
+    new_knee = hip + thigh @ (knee - hip)
+    new_ankle = new_knee + shank @ (ankle - knee)
+    toes = foot - ankle
+    ahead = to_matrix(exp(np.array([0.0, 0.0, -np.arctan2(toes[1], toes[0])])))
+    return {
+        "hip": (thigh, hip, hip),
+        "knee": (shank, knee, new_knee),
+        "ankle": (ahead, ankle, new_ankle),
+        "foot": (ahead, foot, new_ankle + ahead @ toes),
     }
 
 

@@ -6,20 +6,18 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d
 
-from physique import skeleton
+from physique import rotations, skeleton
 from physique.motion.clip import Motion
 from physique.motion.filter import resample
+from physique.motion.kinematics import joint_positions
 from physique.simulation import kinematics, reduced
 from physique.simulation.character import Character
 from physique.simulation.state import finite_velocity
+from physique.tracking import footing
 from physique.tracking.costs import Target
 
 Array = NDArray[np.float64]
-
-#: The body's height over the floor is corrected no faster than this.
-FLOOR_SMOOTHING = 0.08  # s
 
 
 @dataclass(frozen=True)
@@ -59,18 +57,24 @@ def make_reference(motion: Motion, character: Character) -> Reference:
     horizontally by the ratio of the leg lengths, so that feet that stand still in the source
     stand still here, and shifted vertically by the difference of the standing centres of mass
     (section 3.2); both bodies hold the mass distribution of `character`, so that is the
-    difference of the standing pelvis heights. What remains between soles and floor is taken out.
+    difference of the standing hip heights. What remains between soles and floor is taken out
+    (`footing`).
     """
     timestep = float(character.model.opt.timestep)
     motion = resample(motion, 1.0 / timestep)
     rest = character.body.joints
     scale = leg_length(rest) / leg_length(motion.rest_joints)
-    root = motion.root.copy()
-    root[:, :2] = root[0, :2] + scale * (root[:, :2] - root[0, :2])
-    root[:, 2] += rest[0, 2] - motion.rest_joints[0, 2]
+    # Pelvis joints sit at different places in the hip bone; hips are where legs begin.
+    hips = motion.root + rotations.rotate(motion.rotations[:, 0], hip_middle(motion.rest_joints))
+    start = hips[0, :2].copy()
+    hips[:, :2] = start + scale * (hips[:, :2] - start)
+    hips[:, 2] += (rest[0] + hip_middle(rest) - motion.rest_joints[0])[2]
+    hips[:, 2] -= hip_middle(motion.rest_joints)[2]
+    root = hips - rotations.rotate(motion.rotations[:, 0], hip_middle(rest))
     angles = reduced.to_angles(motion.rotations, rest)
     q = np.concatenate([root, motion.rotations[:, 0], angles], axis=1)
-    q[:, 2] += floor_correction(character, q, motion.contacts)
+    ankles = joint_positions(motion)[:, list(footing.ANKLES), :2]
+    q = footing.stand(character, q, motion.contacts, start + scale * (ankles - start))
     v = finite_velocity(q, timestep)
     pose = kinematics.poses(character, q)
     return Reference(
@@ -85,27 +89,13 @@ def make_reference(motion: Motion, character: Character) -> Reference:
     )
 
 
+def hip_middle(rest_joints: Array) -> Array:
+    """From the pelvis joint to the point between the hips (3,), m, of rest_joints (22, 3)."""
+    hips = [skeleton.INDEX["left_hip"], skeleton.INDEX["right_hip"]]
+    return rest_joints[hips].mean(axis=0) - rest_joints[0]
+
+
 def leg_length(rest_joints: Array) -> float:
     """Hip to ankle along the bones of the left leg, m, of rest_joints (22, 3)."""
     hip, knee, ankle = (rest_joints[skeleton.INDEX[f"left_{j}"]] for j in ("hip", "knee", "ankle"))
     return float(np.linalg.norm(knee - hip) + np.linalg.norm(ankle - knee))
-
-
-def floor_correction(character: Character, q: Array, contacts: NDArray[np.bool_]) -> Array:
-    """What to add to the root's height (T,), m, so that the lowest point touches the floor.
-
-    In contact the lowest point of the standing feet is put on the floor; between contacts the
-    correction is interpolated, but never lets any part sink in.
-    """
-    lowest = kinematics.poses(character, q).lowest
-    feet = np.stack([lowest[:, geoms].min(axis=1) for geoms in character.foot_geoms], axis=1)
-    clearance = np.where(contacts, feet, np.inf).min(axis=1)  # (T,)
-    touching = np.flatnonzero(np.isfinite(clearance))
-    anything = -lowest.min(axis=1)  # raises the lowest point of all to the floor
-    if len(touching) == 0:
-        return np.full(len(q), max(0.0, float(anything.max())))
-    frames = np.arange(len(q))
-    correction = np.interp(frames, touching, -clearance[touching])
-    sigma = FLOOR_SMOOTHING / character.model.opt.timestep
-    correction = gaussian_filter1d(np.maximum(correction, anything), sigma, mode="nearest")
-    return correction

@@ -1,0 +1,202 @@
+"""The command `physique`: each subcommand calls one stage of the library and shows its result.
+
+The library is imported by the commands that need it, so that `--help` comes at once.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+from tyro.conf import FlagCreatePairsOff, Positional, arg
+
+from physique import console
+from physique.errors import InputError
+
+Number = Annotated[float | None, arg(metavar="NUMBER")]
+
+
+@dataclass(frozen=True)
+class Bodies:
+    """List the ready bodies."""
+
+    def run(self) -> None:
+        """Print them."""
+        from physique.body.named import PEOPLE
+
+        rows = [
+            (name, p.sex, f"{p.height:.2f}", f"{p.mass:.1f}", p.description)
+            for name, p in PEOPLE.items()
+        ]
+        console.table(("body", "sex", "height m", "mass kg", "who"), rows)
+
+
+@dataclass(frozen=True)
+class Clips:
+    """List the embedded clips."""
+
+    def run(self) -> None:
+        """Print them."""
+        from physique.motion.library import list_clips
+
+        rows = [(c.name, f"{c.seconds:.2f}", f"{c.fps:.1f}", c.origin) for c in list_clips()]
+        console.table(("clip", "seconds", "fps", "origin"), rows)
+
+
+@dataclass(frozen=True)
+class Body:
+    """Make the body of a person, say how well capsules stand for it, and store it.
+
+    Args:
+        name: a ready body (see `physique bodies`) or a body file; otherwise describe the person
+        sex: of the person
+        height: stature in metres
+        mass: in kilograms
+        json: print JSON instead of a table
+        out: write the body to this file (.npz)
+        picture: draw the body and its capsules into this file (.png)
+    """
+
+    name: Annotated[Positional[str | None], arg(metavar="[NAME]")] = None
+    sex: Literal["male", "female"] | None = None
+    height: Annotated[float | None, arg(metavar="METRES")] = None
+    mass: Annotated[float | None, arg(metavar="KG")] = None
+    json: bool = False
+    out: Annotated[Path | None, arg(metavar="FILE.npz")] = None
+    picture: Annotated[Path | None, arg(metavar="FILE.png")] = None
+
+    def run(self) -> None:
+        """Make, store and show it."""
+        from physique.bodies import choose_body, picture_body, write_body
+
+        made = choose_body(self.name, sex=self.sex, height=self.height, mass=self.mass)
+        if self.out is not None:
+            write_body(self.out, made)
+        if self.picture is not None:
+            picture_body(self.picture, made)
+        console.show_facts(made.facts(), self.json)
+
+
+@dataclass(frozen=True)
+class Retarget:
+    """Make a body perform a clip under physics.
+
+    Exit code 0 also where the body could not follow: that is a result, see metrics.json.
+
+    Args:
+        clip: a .bvh or .amc file, or an embedded clip (see `physique clips`)
+        body: a ready body (see `physique bodies`) or a body file
+        out: the folder for the results
+        fps: the recording's true frames a second, where its header is wrong
+        start: begin of the part to perform, in seconds
+        end: end of the part to perform, in seconds
+        optimizer: fast uses derivatives of the simulator; paper is CMA as published, and slow
+        torque_limit: body, for limits that fit mass and stature, or Nm for all joints
+        horizon: seconds that each window looks ahead
+        seed: of all random draws
+        mapping: names the joints of a skeleton that is not recognised (docs/motion.md)
+        threads: that simulate; they do not change the result
+        resume: go on with the run in the folder, which was stopped
+        overwrite: replace the run in the folder
+    """
+
+    clip: Annotated[Positional[str], arg(metavar="CLIP")]
+    body: Annotated[str, arg(metavar="NAME|FILE.npz")]
+    out: Annotated[Path, arg(metavar="DIR")]
+    fps: Number = None
+    start: Annotated[float | None, arg(metavar="SECONDS")] = None
+    end: Annotated[float | None, arg(metavar="SECONDS")] = None
+    optimizer: Literal["fast", "paper"] = "fast"
+    torque_limit: Annotated[Literal["body"] | float, arg(metavar="body|NM")] = "body"
+    horizon: Annotated[float | None, arg(metavar="SECONDS")] = None
+    seed: int = 0
+    mapping: Annotated[Path | None, arg(metavar="FILE.toml")] = None
+    threads: Annotated[int | None, arg(metavar="COUNT")] = None
+    resume: bool = False
+    overwrite: bool = False
+
+    def run(self) -> None:
+        """Retarget and show the metrics."""
+        from physique.pipeline import retarget
+
+        with console.progress(f"{self.clip} on {self.body}") as report:
+            run = retarget(
+                self.clip,
+                self.body,
+                fps=self.fps,
+                start=self.start,
+                end=self.end,
+                mapping=self.mapping,
+                optimizer=self.optimizer,
+                torque_limit=self.torque_limit,
+                horizon=self.horizon,
+                seed=self.seed,
+                threads=self.threads,
+                out=self.out,
+                resume=self.resume,
+                overwrite=self.overwrite,
+                progress=report,
+            )
+        console.show_runs([run])
+
+
+@dataclass(frozen=True)
+class Demo:
+    """Retarget an embedded clip onto two ready bodies, with pictures.
+
+    Args:
+        out: the folder for the results; a demo that is there is replaced
+        threads: that simulate; they do not change the result
+    """
+
+    out: Annotated[Path, arg(metavar="DIR")] = Path("out/demo")
+    threads: Annotated[int | None, arg(metavar="COUNT")] = None
+
+    def run(self) -> None:
+        """Run and show it."""
+        from physique.demo import run_demo
+
+        with console.progress("demo") as report:
+            result = run_demo(self.out, threads=self.threads, progress=report)
+        console.show_runs(result.runs)
+        console.show_files(result.pictures)
+
+
+def parse(arguments: list[str] | None = None) -> Bodies | Clips | Body | Retarget | Demo:
+    """The subcommand that the arguments ask for. Raises InputError for a fault in them."""
+    said = io.StringIO()
+    try:
+        with contextlib.redirect_stderr(said):
+            return tyro.cli(
+                Bodies | Clips | Body | Retarget | Demo,
+                prog="physique",
+                description="Make a body shape perform a motion-capture clip under physics.",
+                args=arguments,
+                config=(FlagCreatePairsOff,),
+            )
+    except SystemExit as stop:
+        if stop.code in (0, None):
+            raise
+        raise console.usage_error(said.getvalue()) from None
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run the command line: exit code 0, 2 for bad input, 130 after Ctrl-C."""
+    console.set_up_logging()
+    try:
+        parse(arguments).run()
+        sys.stdout.flush()
+    except InputError as fault:
+        console.fail(str(fault))
+        sys.exit(2)
+    except KeyboardInterrupt:
+        console.fail("stopped; `physique retarget` with the same options and --resume goes on")
+        sys.exit(130)
+    except BrokenPipeError:
+        # The reader of a pipe (head, less) has seen enough.
+        console.abandon_stdout()

@@ -1,0 +1,167 @@
+"""What the commands show: tables on stdout; progress, warnings and errors on stderr."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import logging
+import os
+import re
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich import box
+from rich.console import Console
+from rich.logging import RichHandler
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from physique.errors import InputError
+
+if TYPE_CHECKING:
+    from physique.body.describe import BodyFacts
+    from physique.pipeline import Progress as Step
+    from physique.run import Run
+
+
+_FILE_WIDTH = 200  # characters, of tables that go to a file or a pipe
+
+
+def fail(text: str) -> None:
+    """Print an error, one line, to stderr."""
+    sys.stderr.write(f"physique: {text}\n")
+
+
+def usage_error(text: str) -> InputError:
+    """What the argument parser says in a box of many lines, as one."""
+    words = " ".join(re.sub(r"[─│╭╮╰╯]+", " ", text).split())
+    for rest in ("Got errors:", "Argument helptext:", "For full helptext"):
+        words = words.split(rest)[0]
+    for head in ("Value error", "Required options", "Missing subcommand", "Unrecognized options"):
+        words = words.removeprefix(head)
+    return InputError(
+        "command line", words.strip(" .") or "a fault", "options as in the help",
+        "see `physique --help` or `physique COMMAND --help`",
+    )  # fmt: skip
+
+
+def set_up_logging() -> None:
+    """Show the library's warnings on stderr, one line each."""
+    handler = RichHandler(
+        console=Console(stderr=True, soft_wrap=True),
+        show_time=False,
+        show_path=False,
+        markup=False,
+        highlighter=None,
+    )
+    logging.basicConfig(level=logging.WARNING, format="%(message)s", handlers=[handler])
+
+
+def abandon_stdout() -> None:
+    """Let the interpreter's last flush go nowhere: nobody reads stdout any more."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    """Print a table to stdout."""
+    out = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for index, column in enumerate(columns):
+        numbers = bool(rows) and all(_is_number(row[index]) for row in rows)
+        out.add_column(column, justify="right" if numbers else "left", no_wrap=index == 0)
+    for row in rows:
+        out.add_row(*row)
+    screen = Console(soft_wrap=False)
+    if not screen.is_terminal:
+        screen.width = _FILE_WIDTH
+    screen.print(out, markup=False)
+
+
+def show_facts(facts: BodyFacts, as_json: bool) -> None:
+    """Print what a body is like, as a table or as JSON."""
+    if as_json:
+        sys.stdout.write(json.dumps(dataclasses.asdict(facts), indent=2) + "\n")
+        return
+    rows = [
+        ("height", f"{facts.height_m:.3f} m"),
+        ("mass", f"{facts.mass_kg:.1f} kg"),
+        ("volume", f"{1e3 * facts.volume_m3:.1f} l"),
+        ("capsule error, mean", f"{facts.capsule_error_cm:.2f} cm"),
+        ("capsule error, largest", f"{facts.capsule_error_max_cm:.1f} cm"),
+        ("fit", f"{facts.fit_seconds:.1f} s"),
+        *((f"mass of {part}", f"{kg:.2f} kg") for part, kg in facts.segment_mass.items()),
+    ]
+    table(("", ""), rows)
+
+
+def show_runs(runs: Sequence[Run]) -> None:
+    """Print the main metrics of runs, a column each."""
+    rows: list[tuple[str, Callable[[Run], str]]] = [
+        ("followed to the end", lambda r: "yes" if r.success else "no"),
+        ("seconds of motion", lambda r: f"{r.metrics['seconds']:.2f}"),
+        ("joint error, mean mm", lambda r: f"{r.metrics['mpjpe_mm']:.1f}"),
+        ("joint error, worst frame mm", lambda r: f"{r.metrics['mpjpe_max_mm']:.1f}"),
+        ("joint error, root-aligned mm", lambda r: f"{r.metrics['mpjpe_local_mm']:.1f}"),
+        ("foot skate mm/s", lambda r: f"{r.metrics['foot_skate_mm_per_s']:.1f}"),
+        ("floor penetration, mean mm", lambda r: f"{r.metrics['penetration_mm']:.1f}"),
+        ("torques at their limit", lambda r: f"{r.metrics['torque_saturation']:.1%}"),
+        ("cost E", lambda r: f"{r.metrics['cost']['total']:.2f}"),
+        ("simulated steps", lambda r: f"{r.metrics['sim_steps']:,}"),
+        ("wall seconds", lambda r: f"{r.metrics['wall_s']:.1f}"),
+    ]
+    names = [f"{r.record['identity']['clip']} on {r.record['identity']['body']}" for r in runs]
+    table(("", *names), [(label, *(show(r) for r in runs)) for label, show in rows])
+    show_files([r.folder for r in runs if r.folder is not None])
+
+
+def show_files(paths: Sequence[Path]) -> None:
+    """Print where results are."""
+    for path in paths:
+        sys.stdout.write(f"{path}\n")
+
+
+@contextmanager
+def progress(title: str) -> Iterator[Callable[[Step], None]]:
+    """A progress bar on stderr; where that is no terminal, a line now and then."""
+    console = Console(stderr=True)
+    bar = Progress(
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        TextColumn("{task.fields[state]}", markup=False),
+        TimeElapsedColumn(),
+        console=console,
+        transient=True,
+        redirect_stdout=False,
+        disable=not console.is_terminal,
+    )
+    with bar:
+        task = bar.add_task(title, total=None, state="reading")
+        told: set[tuple[str, int]] = set()
+
+        def report(step: Step) -> None:
+            state = f"{step.done:.1f} of {step.total:.1f} s"
+            if step.error is not None:
+                state += f", error {1e3 * step.error:.0f} mm"
+            if step.cost is not None:
+                state += f", E {step.cost:.2f}"
+            if step.iteration:
+                state += f" ({step.iteration})"
+            bar.update(
+                task, description=step.name, total=step.total, completed=step.done, state=state
+            )
+            tenth = (step.name, int(10 * step.done / step.total + 1e-9))
+            if not console.is_terminal and tenth not in told:
+                told.add(tenth)
+                sys.stderr.write(f"{step.name}: {state}\n")
+
+        yield report
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text.replace(",", "").rstrip("%"))
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,200 @@
+"""The fast optimiser: its backward pass is exact on linear problems, its descent is real."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from scipy.linalg import solve_discrete_are
+
+from physique.simulation.linearize import Linearization
+from physique.simulation.rollout import Rollout
+from physique.simulation.state import integrate
+from physique.tracking import ddp
+from physique.tracking.costs import Quadratic
+from physique.tracking.problem import Problem, Simulator, Solution
+
+NX, NU = 112, 50
+TINY = 1e-10  # damping
+
+
+@dataclass(frozen=True)
+class Linear:
+    """Steps x' = A x + B u; the part of `Linearization` that the backward pass uses."""
+
+    q: np.ndarray
+    v: np.ndarray
+    A: np.ndarray
+    B: np.ndarray
+
+    def matrices(self, t: int) -> tuple[np.ndarray, np.ndarray]:
+        return self.A, self.B
+
+
+def toy(
+    problem: Problem, steps: int, gaps: np.ndarray, seed: int = 0
+) -> tuple[Rollout, Linear, Quadratic]:
+    """A random linear-quadratic problem about a motion at rest."""
+    rng = np.random.default_rng(seed)
+    q = np.tile(problem.q0, (steps + 1, 1))
+    rollout = Rollout(
+        q=q, v=np.zeros((steps + 1, 56)), control=np.zeros((steps, NU)),
+        torque=np.zeros((steps, NU)), com=np.zeros((steps + 1, 3)),
+        com_velocity=np.zeros((steps + 1, 3)), diverged=False,
+    )  # fmt: skip
+    A = np.eye(NX) + 0.1 * rng.normal(size=(NX, NX)) / np.sqrt(NX)
+    B = rng.normal(size=(NX, NU)) / np.sqrt(NX)
+    linear = Linear(integrate(q[1:], gaps[:, :56]), gaps[:, 56:], A, B)
+    root = rng.normal(size=(steps + 1, NX, NX)) / np.sqrt(NX)
+    hessian = root @ np.swapaxes(root, 1, 2) + 0.1 * np.eye(NX)
+    return rollout, linear, Quadratic(rng.normal(size=(steps + 1, NX)), hessian)
+
+
+def lq_cost(
+    u: np.ndarray, linear: Linear, quadratic: Quadratic, gaps: np.ndarray
+) -> tuple[float, np.ndarray]:
+    """Cost of controls u (N, 50) from x = 0, and the states."""
+    x = np.zeros((len(u) + 1, NX))
+    for t in range(len(u)):
+        x[t + 1] = linear.A @ x[t] + linear.B @ u[t] + gaps[t]
+    cost = np.sum(quadratic.gradient * x)
+    return float(cost + 0.5 * np.einsum("ti,tij,tj->", x, quadratic.hessian, x)), x
+
+
+def dense_optimum(linear: Linear, quadratic: Quadratic, gaps: np.ndarray) -> np.ndarray:
+    """The best controls (N, 50): all steps stacked into one linear system."""
+    steps = len(gaps)
+    G = np.zeros((steps + 1, NX, steps * NU))
+    for t in range(steps):
+        G[t + 1] = linear.A @ G[t]
+        G[t + 1][:, t * NU : (t + 1) * NU] += linear.B
+    _, free = lq_cost(np.zeros((steps, NU)), linear, quadratic, gaps)
+    normal = np.einsum("tij,tik,tkl->jl", G, quadratic.hessian, G, optimize=True)
+    slope = quadratic.gradient + np.einsum("tij,tj->ti", quadratic.hessian, free)
+    return np.linalg.solve(normal, -np.einsum("tij,ti->j", G, slope)).reshape(steps, NU)
+
+
+@pytest.mark.parametrize("gap", [0.0, 0.05])
+def test_backward_is_the_optimum_of_a_linear_problem(problem: Problem, gap: float) -> None:
+    steps = 4
+    gaps = gap * np.random.default_rng(9).normal(size=(steps, NX))
+    rollout, linear, quadratic = toy(problem, steps, gaps)
+    policy = ddp.backward(problem, rollout, linear, quadratic, TINY)
+    assert policy is not None
+    x, u = np.zeros(NX), np.empty((steps, NU))
+    for t in range(steps):
+        u[t] = policy.feedforward[t] + policy.feedback[t] @ x
+        x = linear.A @ x + linear.B @ u[t] + gaps[t]
+    best = dense_optimum(linear, quadratic, gaps)
+    np.testing.assert_allclose(u, best, atol=1e-5)
+    if gap == 0.0:
+        decrease = -lq_cost(best, linear, quadratic, gaps)[0]
+        assert policy.gain == pytest.approx(decrease, rel=1e-6)
+
+
+def test_far_from_the_end_its_gain_is_the_riccati_equations(problem: Problem) -> None:
+    steps = 60
+    gaps = np.zeros((steps, NX))
+    rollout, linear, quadratic = toy(problem, steps, gaps)
+    linear = replace(linear, A=0.7 * linear.A)  # so that 60 steps are far
+    same = Quadratic(0 * quadratic.gradient, np.tile(np.eye(NX), (steps + 1, 1, 1)))
+    policy = ddp.backward(problem, rollout, linear, same, TINY)
+    assert policy is not None
+    V = solve_discrete_are(linear.A, linear.B, np.eye(NX), 1e-9 * np.eye(NU))
+    K = -np.linalg.solve(linear.B.T @ V @ linear.B, linear.B.T @ V @ linear.A)
+    np.testing.assert_allclose(policy.feedback[0], K, atol=1e-4 * np.abs(K).max())
+
+
+def test_damping_shortens_the_step(problem: Problem) -> None:
+    rollout, linear, quadratic = toy(problem, 3, np.zeros((3, NX)))
+    sizes = []
+    for damping in (TINY, 1.0, 100.0):
+        policy = ddp.backward(problem, rollout, linear, quadratic, damping)
+        assert policy is not None
+        sizes.append(np.linalg.norm(policy.feedforward))
+    assert sizes[0] > sizes[1] > sizes[2] > 0
+
+
+def test_targets_at_their_limit_do_not_push_on(problem: Problem) -> None:
+    rollout, linear, quadratic = toy(problem, 3, np.zeros((3, NX)))
+    free = ddp.backward(problem, rollout, linear, quadratic, 1.0)
+    assert free is not None
+    wish = free.feedforward[2]
+    out, back = int(np.argmax(wish)), int(np.argmin(wish))
+    torque = rollout.torque.copy()
+    torque[2, [out, back]] = problem.character.torque_limit[[out, back]]
+    held = ddp.backward(problem, replace(rollout, torque=torque), linear, quadratic, 1.0)
+    assert held is not None
+    assert held.feedforward[2, out] == 0.0
+    assert np.all(held.feedback[2, out] == 0.0)
+    assert held.feedforward[2, back] < 0.0  # away from the limit is allowed
+
+
+def solve(problem: Problem, nominal: Rollout, threads: int) -> tuple[Solution, int]:
+    with Simulator(problem.character, threads) as simulator:
+        solution = ddp.solve(problem, simulator, nominal, ddp.Options(iterations=8))
+        return solution, simulator.steps
+
+
+@pytest.fixture(scope="module")
+def solved(problem: Problem, nominal: Rollout) -> tuple[Solution, int]:
+    return solve(problem, nominal, 1)
+
+
+def test_it_lowers_the_cost_of_a_walk(
+    problem: Problem, nominal: Rollout, solved: tuple[Solution, int]
+) -> None:
+    solution, steps = solved
+    with Simulator(problem.character, 1) as simulator:
+        replayed = simulator.run(
+            problem.q0, problem.v0, problem.steps, [lambda t, q, v: nominal.control[t]]
+        )[0]  # fmt: skip
+    assert solution.cost < 0.3 * problem.cost(replayed)
+    assert solution.cost < 0.8 * solution.history[0]
+    assert all(b < a for a, b in zip(solution.history, solution.history[1:]))
+    assert solution.steps == steps
+    # The torques respect the limits, the motion is near the reference.
+    assert np.abs(solution.rollout.torque).max() <= 100.0
+    away = solution.rollout.com - problem.target.com
+    assert np.linalg.norm(away, axis=1).max() < 0.05
+
+
+def test_its_controls_alone_replay_the_motion(
+    problem: Problem, solved: tuple[Solution, int]
+) -> None:
+    best = solved[0].rollout
+    with Simulator(problem.character, 1) as simulator:
+        again = simulator.run(
+            problem.q0, problem.v0, problem.steps, [lambda t, q, v: best.control[t]]
+        )[0]  # fmt: skip
+    assert np.array_equal(again.q, best.q)
+    assert np.array_equal(again.v, best.v)
+    assert problem.cost(again) == solved[0].cost == solved[0].history[-1]
+
+
+def test_same_bits_on_two_threads(
+    problem: Problem, nominal: Rollout, solved: tuple[Solution, int]
+) -> None:
+    other, steps = solve(problem, nominal, 2)
+    assert other.history == solved[0].history
+    assert np.array_equal(other.rollout.q, solved[0].rollout.q)
+    assert steps == solved[1]
+
+
+def test_the_policy_with_no_step_repeats_the_motion(
+    problem: Problem, solved: tuple[Solution, int]
+) -> None:
+    best = solved[0].rollout
+    gain = 1e-3 * np.random.default_rng(0).normal(size=(problem.steps, NU, NX))
+    policy = ddp.Policy(np.ones((problem.steps, NU)), gain, 0.0)
+    with Simulator(problem.character, 1) as simulator:
+        again = simulator.run(
+            problem.q0, problem.v0, problem.steps, [ddp.closed_loop(problem, best, policy, 0.0)]
+        )[0]  # fmt: skip
+    np.testing.assert_allclose(again.q, best.q, atol=1e-6)
+
+
+def test_toy_has_what_the_real_linearisation_has() -> None:
+    assert {"q", "v"} <= set(Linearization.__dataclass_fields__)
+    assert callable(Linearization.matrices)
