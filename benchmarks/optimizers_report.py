@@ -106,8 +106,8 @@ def _progress(rows: dict) -> str:
 
 def _plot(rows: dict, path: Path) -> None:
     figure, axes = plt.subplots(
-        1, max(1, len(rows)), figsize=(3.6 * max(1, len(rows)), 3.4), sharex=True, sharey=True, squeeze=False,
-        layout="constrained",
+        1, max(1, len(rows)), figsize=(3.6 * max(1, len(rows)), 3.4), sharex=True, sharey=True,
+        squeeze=False, layout="constrained",
     )  # fmt: skip
     for axis, (name, row) in zip(axes[0], rows.items()):
         for optimizer, color in (("paper", "#b5533c"), ("fast", "#2f6f9f")):

@@ -16,7 +16,7 @@ from physique.run import Run
 from physique.simulation.character import Character, make_character
 from physique.store import PathLike, prepare_folder
 
-CLIP, START, END = "walk", 0.0, 2.0  # s
+CLIP, START, END = "walk", 0.0, 1.6  # s
 BODIES = ("average", "heavy")
 
 

@@ -9,7 +9,20 @@ from physique.body.capsules import fit_capsules
 from physique.body.mass import MassRule, part_masses
 from physique.body.mesh import BodyMesh
 from physique.body.primitives import Solid, signed_distance, surface_samples
-from physique.skeleton import JOINTS, PARENTS
+from physique.skeleton import INDEX, JOINTS, PARENTS
+
+#: Parts that soft flesh lets pass into each other: a hip flexes until the thigh lies against the
+#: belly, an arm hangs against the chest. Rigid capsules would stop both far too early (a kick would
+#: have the thigh 13 cm inside the trunk).
+SOFT: tuple[tuple[str, str], ...] = tuple(
+    (trunk, f"{side}_{limb}")
+    for side in ("left", "right")
+    for limb, trunks in (
+        ("hip", ("pelvis", "spine1", "spine2", "spine3")),
+        ("shoulder", ("spine2", "spine3")),
+    )
+    for trunk in trunks
+)
 
 
 def capsule_body(mesh: BodyMesh, *, mass_rule: MassRule = "nearest") -> CapsuleBody:
@@ -43,9 +56,11 @@ def capsule_body(mesh: BodyMesh, *, mass_rule: MassRule = "nearest") -> CapsuleB
 
 
 def excluded_pairs(solids: Sequence[Solid]) -> tuple[tuple[int, int], ...]:
-    """Pairs (i < j) of parts that must not collide: those that overlap at rest, and neighbours."""
+    """Pairs (i < j) of parts that must not collide: those that overlap at rest, neighbours, and
+    those of which one can sink into the other (`SOFT`)."""
     samples = [surface_samples(s, 0.01)[0] for s in solids]
     pairs = {(min(i, p), max(i, p)) for i, p in enumerate(PARENTS) if p >= 0}
+    pairs |= {(min(INDEX[a], INDEX[b]), max(INDEX[a], INDEX[b])) for a, b in SOFT}
     for i in range(len(JOINTS)):
         for j in range(i + 1, len(JOINTS)):
             # Surfaces of overlapping bodies cross, or one body holds the other.

@@ -70,7 +70,8 @@ def make_character(body: CapsuleBody, torque_limit: Array | float) -> Character:
         body=body,
         xml=xml,
         model=model,
-        torque_limit=limits,
+        # What the model has: its text keeps six digits.
+        torque_limit=model.actuator_forcerange[:, 1].copy(),
         joint_bodies=np.array([model.body(name).id for name in skeleton.JOINTS]),
         foot_geoms=np.array(
             [[geom[f"{s}_ankle"], geom[f"{s}_foot"]] for s in ("left", "right")]

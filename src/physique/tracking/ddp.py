@@ -26,6 +26,10 @@ from physique.tracking.problem import Problem, Simulator, Solution
 Array = NDArray[np.float64]
 
 
+#: Joints of this strength are damped by just `Options.damping`.
+DAMPING_LIMIT = 100.0  # Nm
+
+
 @dataclass(frozen=True)
 class Options:
     """Settings of the optimiser.
@@ -40,7 +44,7 @@ class Options:
     tolerance: float = 0.01
     kink: float = 0.02
     step_lengths: tuple[float, ...] = (1.0, 0.5, 0.25, 0.1, 0.03, 0.01)
-    damping: float = 1e-2
+    damping: float = 3.0
     start_dampings: tuple[float, ...] = (1.0, 10.0)
     damping_least: float = 1e-5
     damping_most: float = 1e4
@@ -101,11 +105,17 @@ def solve(
         history.append(cost)
         if on_iteration is not None:
             on_iteration(iteration, cost)
-        damping = max(damping / 4, options.damping_least) if length > 0.4 else damping * 2
+        damping = _adapt(damping, length, options)
         if length == 1.0 and previous - cost < options.tolerance * previous:
             status = "converged"
             break
     return Solution(best, cost, tuple(history), simulator.steps - before, status)
+
+
+def _adapt(damping: float, length: float, options: Options) -> float:
+    """Short steps mean that the linear model was trusted too far."""
+    factor = 1 / 4 if length == 1.0 else 1.0 if length == 0.5 else 4.0
+    return float(np.clip(damping * factor, options.damping_least, options.damping_most))
 
 
 def _close_gaps(
@@ -156,6 +166,8 @@ def backward(
     )  # (N, 112)
     gain = 0.0
     limit = problem.character.torque_limit * (1 - 1e-5)
+    # The same change of target uses more of a weak joint's strength.
+    weak = DAMPING_LIMIT / problem.character.torque_limit
     for t in range(steps - 1, -1, -1):
         A, B = linear.matrices(t)
         VA, VB = v_xx @ A, v_xx @ B
@@ -165,7 +177,7 @@ def backward(
         q_xx = cost.hessian[t] + A.T @ VA
         q_ux = B.T @ VA
         q_uu = B.T @ VB
-        regular = q_uu + damping * np.eye(nu)
+        regular = q_uu + np.diag(damping * weak)
         torque = rollout.torque[t]
         free = np.ones(nu, dtype=bool)
         # At a limit, descent directions that push further out are blocked.

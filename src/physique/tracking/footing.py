@@ -20,8 +20,10 @@ from physique.simulation.hinges import AXES, columns
 
 Array = NDArray[np.float64]
 
-#: Corrections change no faster than this, so that they add no jerk of their own.
-SMOOTHING = 0.06  # s
+#: Corrections change no faster than this. The pelvis carries the body's mass: raised by 2 cm within
+#: 0.06 s it would need half the body's weight more.
+PELVIS_SMOOTHING = 0.25  # s
+FOOT_SMOOTHING = 0.05  # s
 #: Legs are never stretched beyond this share of their length.
 REACH = 0.998
 _SIDES = ("left", "right")
@@ -33,17 +35,18 @@ def stand(
 ) -> Array:
     """q (T, 57) with ankles above (T, 2, 2), m, feet that are in contact (T, 2) on the floor, and
     nothing below it."""
-    sigma = SMOOTHING / character.model.opt.timestep
+    timestep = character.model.opt.timestep
+    sigma, slow = FOOT_SMOOTHING / timestep, PELVIS_SMOOTHING / timestep
     aside = ankles - kinematics.joint_positions(character, q)[:, list(ANKLES), :2]
     q = _reach(character, q, np.concatenate([aside, np.zeros((len(q), 2, 1))], axis=2))
-    q[:, 2] += _root_correction(foot_clearance(character, q), contacts, sigma)
+    q[:, 2] += _root_correction(foot_clearance(character, q), contacts, slow)
     # Twice: the ankle's turn moves the toes a little against the foot.
     for _ in range(2):
         up = _foot_correction(foot_clearance(character, q), contacts, sigma)
         q = _reach(character, q, up[..., None] * np.array([0.0, 0.0, 1.0]))
     sunk = np.maximum(-kinematics.poses(character, q).lowest.min(axis=1), 0.0)
     # Hands and knees that the floor would cut: lift the body, ahead of time and smoothly.
-    q[:, 2] += gaussian_filter1d(maximum_filter1d(sunk, round(4 * sigma) | 1), sigma)
+    q[:, 2] += gaussian_filter1d(maximum_filter1d(sunk, round(2 * slow) | 1), slow / 2)
     return q
 
 
