@@ -30,8 +30,9 @@ from physique.motion.read import read_motion
 from physique.simulation.character import Character, make_character
 from physique.simulation.quiet import quiet
 from physique.simulation.rollout import Rollout
+from physique.simulation.simulator import Simulator
 from physique.tracking import cma, ddp
-from physique.tracking.problem import Problem, Simulator, Solution, nominal_motion
+from physique.tracking.problem import Problem, Solution, nominal_motion
 from physique.tracking.reference import make_reference
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from physique.pipeline import Progress, export_bvh, retarget
     from physique.run import Run, load_run
     from physique.simulation.character import Character, make_character
+    from physique.simulation.start import start_state
     from physique.simulation.strength import torque_limits
     from physique.tracking.reference import Reference, make_reference
-    from physique.tracking.start import start_state
     from physique.tracking.trajectory import Trajectory
 
 __version__ = version("physique")
@@ -63,7 +63,7 @@ _HOME = {
     "physique.simulation.character": ("Character", "make_character"),
     "physique.simulation.strength": ("torque_limits",),
     "physique.tracking.reference": ("Reference", "make_reference"),
-    "physique.tracking.start": ("start_state",),
+    "physique.simulation.start": ("start_state",),
     "physique.tracking.trajectory": ("Trajectory",),
 }
 

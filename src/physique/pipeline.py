@@ -32,12 +32,13 @@ from physique.run import Checkpoint, Run
 from physique.simulation import kinematics, reduced
 from physique.simulation.character import Character, make_character
 from physique.simulation.quiet import quiet
+from physique.simulation.simulator import Simulator
+from physique.simulation.start import start_state
 from physique.store import PathLike
 from physique.tracking import cma, ddp
 from physique.tracking.costs import Weights
-from physique.tracking.problem import Problem, Simulator, Solution
+from physique.tracking.problem import Problem, Solution
 from physique.tracking.reference import Reference, make_reference
-from physique.tracking.start import start_state
 from physique.tracking.trajectory import Trajectory, join
 from physique.tracking.windows import Optimizer, Schedule, Window, track
 
@@ -142,7 +143,7 @@ def retarget(
         "mapping": None if mapping is None else str(mapping),
         "threads": workers,
     }  # fmt: skip
-    q0, v0 = start_state(character, reference)
+    q0, v0 = start_state(character, reference.q[0], reference.v[0], reference.contacts[0])
     folder: Path | None = None
     done: list[Checkpoint] = []
     if out is not None:

@@ -7,7 +7,6 @@ from concurrent.futures import ThreadPoolExecutor
 
 import mujoco
 import numpy as np
-import pytest
 
 from physique.simulation.character import Character, make_character
 from physique.simulation.linearize import linearize

@@ -9,7 +9,7 @@ import pytest
 from physique.simulation.character import Character
 from physique.simulation.kinematics import com_velocity, poses
 from physique.simulation.rollout import Rollout, pd_torque, simulate, within_limits
-from physique.tracking.problem import Simulator
+from physique.simulation.simulator import Simulator
 from physique.tracking.reference import Reference
 
 STEPS = 40

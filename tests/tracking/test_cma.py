@@ -9,8 +9,9 @@ import pytest
 
 from physique.errors import InputError
 from physique.simulation.rollout import Rollout
+from physique.simulation.simulator import Simulator
 from physique.tracking import cma
-from physique.tracking.problem import Problem, Simulator, Solution
+from physique.tracking.problem import Problem, Solution
 from physique.tracking.spline import knot_matrix
 
 SMALL = cma.Options(samples=16, iterations=4, sigma=0.05)

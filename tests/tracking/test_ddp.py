@@ -10,10 +10,11 @@ from scipy.linalg import solve_discrete_are
 
 from physique.simulation.linearize import Linearization
 from physique.simulation.rollout import Rollout
+from physique.simulation.simulator import Simulator
 from physique.simulation.state import integrate
 from physique.tracking import ddp
 from physique.tracking.costs import Quadratic
-from physique.tracking.problem import Problem, Simulator, Solution
+from physique.tracking.problem import Problem, Solution
 
 NX, NU = 112, 50
 TINY = 1e-10  # damping

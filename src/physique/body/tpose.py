@@ -2,8 +2,9 @@
 
 Arms lie along +-y, palms down, thumbs forward, elbows flexing forward about z, as in SMPL. Legs go
 straight down and feet straight ahead, as in the T-poses that motions are relative to: a body whose
-legs stood apart at rest would walk with its feet twice as far apart as the performer. The twist of the upper arm and of the hand is spread over the limb by the rig's
-extra bones, so the skin does not wring at the shoulder and the wrist.
+legs stood apart at rest would walk with its feet twice as far apart as the performer. The twist of
+the upper arm and of the hand is spread over the limb by the rig's extra bones, so the skin does not
+wring at the shoulder and the wrist.
 """
 
 from __future__ import annotations

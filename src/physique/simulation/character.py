@@ -73,9 +73,7 @@ def make_character(body: CapsuleBody, torque_limit: Array | float) -> Character:
         # What the model has: its text keeps six digits.
         torque_limit=model.actuator_forcerange[:, 1].copy(),
         joint_bodies=np.array([model.body(name).id for name in skeleton.JOINTS]),
-        foot_geoms=np.array(
-            [[geom[f"{s}_ankle"], geom[f"{s}_foot"]] for s in ("left", "right")]
-        ),
+        foot_geoms=np.array([[geom[f"{s}_ankle"], geom[f"{s}_foot"]] for s in ("left", "right")]),
     )
 
 
@@ -145,7 +143,7 @@ def _contact() -> dict[str, object]:
 
 
 def _add_part(node: mujoco.MjsBody, part: Part, joint: Array) -> None:
-    """Shape and inertia of `part` on the body whose frame sits at `joint`, world-aligned at rest."""
+    """Shape and inertia of `part` on the body whose frame sits at `joint`, aligned at rest."""
     rgba = [0.72, 0.6, 0.52, 1.0]
     if part.name.startswith("left_"):
         rgba = [0.35, 0.55, 0.75, 1.0]

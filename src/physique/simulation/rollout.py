@@ -118,7 +118,7 @@ def simulate_many(
 ) -> tuple[Array, Array, Array, Array, NDArray[np.bool_]]:
     """Open-loop roll-outs from one state (q, v) under controls (B, N, 50), on all threads.
 
-    Returns q (B, N + 1, 57), v (B, N + 1, 56), com and com velocity (B, N + 1, 3) and diverged (B,).
+    Returns q (B, N + 1, 57), v (B, N + 1, 56), com and com velocity (B, N + 1, 3), diverged (B,).
     """
     model = character.model
     batch, steps, _ = control.shape

@@ -16,9 +16,7 @@ Array = NDArray[np.float64]
 
 def difference(q_from: Array, q_to: Array) -> Array:
     """The tangent (..., 56) that leads from q_from (..., 57) to q_to (..., 57)."""
-    turn = rotations.log(
-        rotations.multiply(rotations.conjugate(q_from[..., 3:7]), q_to[..., 3:7])
-    )
+    turn = rotations.log(rotations.multiply(rotations.conjugate(q_from[..., 3:7]), q_to[..., 3:7]))
     return np.concatenate(
         [q_to[..., :3] - q_from[..., :3], turn, q_to[..., 7:] - q_from[..., 7:]], axis=-1
     )

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from physique.errors import InputError
 from physique.simulation.rollout import Rollout
+from physique.simulation.simulator import Simulator
 from physique.tracking import costs
-from physique.tracking.problem import Problem, Simulator, Solution
+from physique.tracking.problem import Problem, Solution
 from physique.tracking.spline import fit_knots, knot_count, knot_matrix
 
 Array = NDArray[np.float64]

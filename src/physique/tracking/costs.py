@@ -68,9 +68,7 @@ def evaluate(
     dq = q[..., 7:] - target.q[:, 7:]
     dv = v[..., 6:] - target.v[:, 6:]
     # |<a, b>| is the cosine of half the angle; arccos of a rounded 1 would lose half the digits.
-    turn = rotations.log(
-        rotations.multiply(rotations.conjugate(target.q[:, 3:7]), q[..., 3:7])
-    )
+    turn = rotations.log(rotations.multiply(rotations.conjugate(target.q[:, 3:7]), q[..., 3:7]))
     acceleration = np.diff(v, axis=-2) / timestep
     return {
         "com": weights.com * np.sum((com - target.com) ** 2, axis=(-2, -1)),

@@ -18,10 +18,11 @@ from scipy.linalg import cho_factor, cho_solve
 from physique.simulation import kinematics
 from physique.simulation.linearize import Linearization
 from physique.simulation.rollout import Rollout, within_limits
+from physique.simulation.simulator import Simulator
 from physique.simulation.state import difference
 from physique.tracking import costs
 from physique.tracking.costs import Quadratic
-from physique.tracking.problem import Problem, Simulator, Solution
+from physique.tracking.problem import Problem, Solution
 
 Array = NDArray[np.float64]
 
@@ -66,7 +67,7 @@ def solve(
     problem: Problem,
     simulator: Simulator,
     nominal: Rollout,
-    options: Options = Options(),  # noqa: B008
+    options: Options = Options(),
     on_iteration: Callable[[int, float], None] | None = None,
 ) -> Solution:
     """Minimise E, starting from the nominal motion, which need not obey physics.
@@ -77,14 +78,12 @@ def solve(
     """
     before = simulator.steps
     history: list[float] = []
-    derivatives: tuple[Linearization, Quadratic] | None = _expand(
-        problem, simulator, nominal, options.kink
-    )
-    best, cost = _close_gaps(problem, simulator, nominal, derivatives, options)
+    about_nominal = _expand(problem, simulator, nominal, options.kink)
+    best, cost = _close_gaps(problem, simulator, nominal, about_nominal, options)
     history.append(cost)
     if not np.isfinite(cost):
         return Solution(best, cost, tuple(history), simulator.steps - before, "start diverged")
-    derivatives = None
+    derivatives: tuple[Linearization, Quadratic] | None = None
     damping = options.damping
     status = "iterations"
     for iteration in range(1, options.iterations):
@@ -132,9 +131,7 @@ def _close_gaps(
         if (policy := backward(problem, nominal, *derivatives, damping)) is not None
         for length in (1.0, 0.0)
     ]
-    controllers.append(
-        lambda t, q, v: within_limits(problem.character, nominal.control[t], q, v)
-    )
+    controllers.append(lambda t, q, v: within_limits(problem.character, nominal.control[t], q, v))
     rollouts = simulator.run(problem.q0, problem.v0, problem.steps, controllers)
     best = min(rollouts, key=problem.cost)
     return best, problem.cost(best)

@@ -30,9 +30,7 @@ _SIDES = ("left", "right")
 ANKLES = (skeleton.INDEX["left_ankle"], skeleton.INDEX["right_ankle"])
 
 
-def stand(
-    character: Character, q: Array, contacts: NDArray[np.bool_], ankles: Array
-) -> Array:
+def stand(character: Character, q: Array, contacts: NDArray[np.bool_], ankles: Array) -> Array:
     """q (T, 57) with ankles above (T, 2, 2), m, feet that are in contact (T, 2) on the floor, and
     nothing below it."""
     timestep = character.model.opt.timestep

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from physique.simulation.character import Character
 from physique.simulation.rollout import Rollout
+from physique.simulation.simulator import Simulator
 from physique.tracking.costs import Weights
-from physique.tracking.problem import Problem, Simulator, Solution, nominal_motion
+from physique.tracking.problem import Problem, Solution, nominal_motion
 from physique.tracking.reference import Reference
 
 Array = NDArray[np.float64]

@@ -1,4 +1,4 @@
-"""A start state that stands: the reference's first frame, out of penetration, feet at rest."""
+"""A state that a simulation can start in: out of penetration, standing feet at rest."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from physique.simulation.character import Character
 from physique.simulation.state import integrate
-from physique.tracking.reference import Reference
 
 Array = NDArray[np.float64]
 
@@ -20,16 +19,18 @@ _DAMPING = 1e-4
 _NEAR_FLOOR = 0.01  # m
 
 
-def start_state(character: Character, reference: Reference) -> tuple[Array, Array]:
-    """Where a simulation of the reference starts: q (57,) and v (56,).
+def start_state(
+    character: Character, q: Array, v: Array, standing: NDArray[np.bool_]
+) -> tuple[Array, Array]:
+    """The state nearest to q (57,), v (56,) that a simulation can start in; standing (2,) feet.
 
     Parts of the body that overlap in the mocap pose are turned apart by the least change of joint
     angles, then the body is lifted out of the floor; feet that should stand get no velocity, by
     the change of velocity that needs least kinetic energy.
     """
-    q = separate(character, reference.q[0])
+    q = separate(character, q)
     q[2] += max(0.0, -lowest_contact(character, q))
-    return q, rest_feet(character, q, reference.v[0], reference.contacts[0])
+    return q, rest_feet(character, q, v, standing)
 
 
 def separate(character: Character, q: Array) -> Array:
@@ -64,9 +65,7 @@ def lowest_contact(character: Character, q: Array) -> float:
     return min([0.0, *(c.dist for c in data.contact if c.geom1 == 0)])
 
 
-def rest_feet(
-    character: Character, q: Array, v: Array, standing: NDArray[np.bool_]
-) -> Array:
+def rest_feet(character: Character, q: Array, v: Array, standing: NDArray[np.bool_]) -> Array:
     """v (56,) with the points of the feet that stand on the floor at rest; standing (2,) bool."""
     model = character.model
     data = mujoco.MjData(model)
