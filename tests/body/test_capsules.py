@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from physique.body.build import excluded_pairs
+from physique.body.build import SOFT, excluded_pairs
 from physique.body.capsule_body import CapsuleBody
 from physique.body.capsule_energy import CAPSULES, SIZES, Energy
 from physique.body.capsules import fit_capsules
@@ -107,10 +107,13 @@ def test_excluded_pairs_are_neighbours_and_overlaps(person: Person) -> None:
         for j in range(i + 1, 22):
             if (i, j) not in body.excluded:
                 assert signed_distance(body.parts[i], samples[j]).min() > -2e-3
-    assert (INDEX["left_hip"], INDEX["spine3"]) not in body.excluded
+    assert (INDEX["left_hip"], INDEX["spine3"]) in body.excluded  # a raised thigh meets the belly
+    assert (INDEX["left_knee"], INDEX["right_knee"]) not in body.excluded
     lift = np.array([0.0, 0.0, 10.0])
     apart = [replace(p, center=p.center + i * lift) for i, p in enumerate(body.parts)]
-    assert len(excluded_pairs(apart)) == 21
+    neighbours = {(min(i, p), max(i, p)) for i, p in enumerate(PARENTS) if p >= 0}
+    soft = {(min(INDEX[a], INDEX[b]), max(INDEX[a], INDEX[b])) for a, b in SOFT}
+    assert set(excluded_pairs(apart)) == neighbours | soft
 
 
 def test_energy_derivatives(person: Person) -> None:

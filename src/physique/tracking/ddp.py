@@ -35,13 +35,16 @@ DAMPING_LIMIT = 100.0  # Nm
 class Options:
     """Settings of the optimiser.
 
-    iterations: at most. tolerance: stop when an iteration gains less than this fraction of E.
+    iterations: for a motion that is followed well. most_iterations: while E stays above `good` for
+        each second of motion. tolerance: stop when an iteration gains less than this fraction of E.
     kink: rad, where Eq. 7's model is rounded off. step_lengths: of the line search, in pairs.
     damping: of the controls, at the start, its least and its greatest value; start_dampings are
         tried side by side to close the gaps of the nominal motion.
     """
 
-    iterations: int = 20
+    iterations: int = 5
+    most_iterations: int = 10
+    good: float = 4.0
     tolerance: float = 0.01
     kink: float = 0.02
     step_lengths: tuple[float, ...] = (1.0, 0.5, 0.25, 0.1, 0.03, 0.01)
@@ -86,7 +89,10 @@ def solve(
     derivatives: tuple[Linearization, Quadratic] | None = None
     damping = options.damping
     status = "iterations"
-    for iteration in range(1, options.iterations):
+    good = options.good * problem.steps * float(problem.character.model.opt.timestep)
+    for iteration in range(1, max(options.iterations, options.most_iterations)):
+        if iteration >= options.iterations and cost < good:
+            break
         if derivatives is None:
             derivatives = _expand(problem, simulator, best, options.kink)
         policy = backward(problem, best, *derivatives, damping)

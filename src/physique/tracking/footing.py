@@ -26,6 +26,8 @@ PELVIS_SMOOTHING = 0.25  # s
 FOOT_SMOOTHING = 0.05  # s
 #: Legs are never stretched beyond this share of their length.
 REACH = 0.998
+#: Ankles nearer than this, m, have the feet in each other; from CLEAR on they pass freely.
+COLLIDE, CLEAR = 0.12, 0.20
 _SIDES = ("left", "right")
 ANKLES = (skeleton.INDEX["left_ankle"], skeleton.INDEX["right_ankle"])
 
@@ -36,6 +38,7 @@ def stand(character: Character, q: Array, contacts: NDArray[np.bool_], ankles: A
     timestep = character.model.opt.timestep
     sigma, slow = FOOT_SMOOTHING / timestep, PELVIS_SMOOTHING / timestep
     aside = ankles - kinematics.joint_positions(character, q)[:, list(ANKLES), :2]
+    aside *= _room(ankles, sigma)[:, None, None]
     q = _reach(character, q, np.concatenate([aside, np.zeros((len(q), 2, 1))], axis=2))
     q[:, 2] += _root_correction(foot_clearance(character, q), contacts, slow)
     # Twice: the ankle's turn moves the toes a little against the foot.
@@ -52,6 +55,16 @@ def foot_clearance(character: Character, q: Array) -> Array:
     """Height (T, 2), m, of the lowest point of the left and the right foot."""
     lowest = kinematics.poses(character, q).lowest
     return np.stack([lowest[:, geoms].min(axis=1) for geoms in character.foot_geoms], axis=1)
+
+
+def _room(ankles: Array, sigma: float) -> Array:
+    """How much of the performer's step to take (T,), 0 to 1: none where the feet would collide.
+
+    The performer's feet may be narrower than this body's, or cross.
+    """
+    apart = np.linalg.norm(ankles[:, 0] - ankles[:, 1], axis=1)
+    share = np.clip((apart - COLLIDE) / (CLEAR - COLLIDE), 0.0, 1.0)
+    return gaussian_filter1d(share, sigma, mode="nearest")
 
 
 def _root_correction(clearance: Array, contacts: NDArray[np.bool_], sigma: float) -> Array:
