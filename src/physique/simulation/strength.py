@@ -1,6 +1,6 @@
 """Torque limits that fit a body: published joint strengths, scaled by mass and stature.
 
-The values are rounded maximum voluntary torques of young men, the stronger direction of each axis:
+The values are approximate: rounded maximum voluntary torques of young men, the stronger way:
 hip and knee extension, ankle plantar flexion from the model of Anderson, Madigan and Nussbaum
 (J. Biomech. 40, 2007); hip abduction and rotation from Cahalan et al. (Clin. Orthop. 246, 1989);
 trunk from McNeill et al. (Spine 5, 1980) and Kumar (Spine 21, 1996); neck from Vasavada et al.
