@@ -10,6 +10,7 @@ import numpy as np
 
 from physique.simulation.character import Character, make_character
 from physique.simulation.linearize import linearize
+from physique.simulation.smooth import make_tree
 from physique.simulation.state import difference, integrate
 
 Step = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
@@ -35,7 +36,8 @@ def differences(step: Step, q: np.ndarray, v: np.ndarray, u: np.ndarray) -> np.n
 def analytic(character: Character, q: np.ndarray, v: np.ndarray, u: np.ndarray) -> np.ndarray:
     with ThreadPoolExecutor(1) as executor:
         datas = [mujoco.MjData(character.model)]
-        found = linearize(character, datas, executor, q[None], v[None], u[None])
+        tree = make_tree(character.model)
+        found = linearize(character, tree, datas, executor, q[None], v[None], u[None])
     return np.hstack(found.matrices(0))
 
 
@@ -105,7 +107,7 @@ def test_gives_the_state_that_the_step_leads_to(
     q, v, u = (np.stack([getattr(m, name) for m in moments]) for name in "qvu")
     with ThreadPoolExecutor(2) as executor:
         datas = [mujoco.MjData(character.model) for _ in range(2)]
-        found = linearize(character, datas, executor, q, v, u)
+        found = linearize(character, make_tree(character.model), datas, executor, q, v, u)
     for t in range(len(q)):
         q_next, v_next = step(q[t], v[t], u[t])
         assert np.abs(difference(q_next, found.q[t])).max() < 1e-12
@@ -137,11 +139,13 @@ def test_a_limit_without_a_short_decimal_is_a_limit_too(character: Character) ->
 
 
 def test_threads_give_the_same_bits(character: Character, moments: list) -> None:
-    q, v, u = (np.stack([getattr(m, name) for m in moments]) for name in "qvu")
+    # More steps than one worker takes at a time.
+    q, v, u = (np.stack([getattr(m, name) for m in moments] * 15) for name in "qvu")
     results = []
     for threads in (1, 2):
         with ThreadPoolExecutor(threads) as executor:
             datas = [mujoco.MjData(character.model) for _ in range(threads)]
-            results.append(linearize(character, datas, executor, q, v, u))
+            tree = make_tree(character.model)
+            results.append(linearize(character, tree, datas, executor, q, v, u))
     assert np.array_equal(results[0].next_v, results[1].next_v)
     assert np.array_equal(results[0].q, results[1].q)

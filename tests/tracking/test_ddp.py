@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,24 +18,17 @@ from physique.tracking.problem import Problem, Solution
 
 NX, NU = 112, 50
 TINY = 1e-10  # damping
+SMALL = 1e-4  # gradients
 
 
-@dataclass(frozen=True)
-class Linear:
-    """Steps x' = A x + B u; the part of `Linearization` that the backward pass uses."""
-
-    q: np.ndarray
-    v: np.ndarray
-    A: np.ndarray
-    B: np.ndarray
-
-    def matrices(self, t: int) -> tuple[np.ndarray, np.ndarray]:
-        return self.A, self.B
+def matrices(linear: Linearization) -> tuple[np.ndarray, np.ndarray]:
+    """A and B of the toy's steps, which are all the same."""
+    return linear.matrices(0)
 
 
 def toy(
     problem: Problem, steps: int, gaps: np.ndarray, seed: int = 0
-) -> tuple[Rollout, Linear, Quadratic]:
+) -> tuple[Rollout, Linearization, Quadratic]:
     """A random linear-quadratic problem about a motion at rest."""
     rng = np.random.default_rng(seed)
     q = np.tile(problem.q0, (steps + 1, 1))
@@ -44,51 +37,61 @@ def toy(
         torque=np.zeros((steps, NU)), com=np.zeros((steps + 1, 3)),
         com_velocity=np.zeros((steps + 1, 3)), diverged=False,
     )  # fmt: skip
-    A = np.eye(NX) + 0.1 * rng.normal(size=(NX, NX)) / np.sqrt(NX)
-    B = rng.normal(size=(NX, NU)) / np.sqrt(NX)
-    linear = Linear(integrate(q[1:], gaps[:, :56]), gaps[:, 56:], A, B)
+    # A timestep of 1 couples positions to velocities as strongly as the rest.
+    turn = 0.3 * rng.normal(size=(2, 3, 3))
+    linear = Linearization(
+        q=integrate(q[1:], gaps[:, :56]), v=gaps[:, 56:],
+        next_v=np.tile(rng.normal(size=(56, NX + NU)) / np.sqrt(NX), (steps, 1, 1)),
+        transport=np.tile(np.eye(3) + turn[0], (steps, 1, 1)),
+        rotation=np.tile(np.eye(3) + turn[1], (steps, 1, 1)),
+        timestep=0.5,
+    )  # fmt: skip
     root = rng.normal(size=(steps + 1, NX, NX)) / np.sqrt(NX)
     hessian = root @ np.swapaxes(root, 1, 2) + 0.1 * np.eye(NX)
-    return rollout, linear, Quadratic(rng.normal(size=(steps + 1, NX)), hessian)
+    # Small enough that no torque limit is in reach.
+    return rollout, linear, Quadratic(SMALL * rng.normal(size=(steps + 1, NX)), hessian)
 
 
 def lq_cost(
-    u: np.ndarray, linear: Linear, quadratic: Quadratic, gaps: np.ndarray
+    u: np.ndarray, linear: Linearization, quadratic: Quadratic, gaps: np.ndarray
 ) -> tuple[float, np.ndarray]:
     """Cost of controls u (N, 50) from x = 0, and the states."""
+    A, B = matrices(linear)
     x = np.zeros((len(u) + 1, NX))
     for t in range(len(u)):
-        x[t + 1] = linear.A @ x[t] + linear.B @ u[t] + gaps[t]
+        x[t + 1] = A @ x[t] + B @ u[t] + gaps[t]
     cost = np.sum(quadratic.gradient * x)
     return float(cost + 0.5 * np.einsum("ti,tij,tj->", x, quadratic.hessian, x)), x
 
 
-def dense_optimum(linear: Linear, quadratic: Quadratic, gaps: np.ndarray) -> np.ndarray:
+def dense_optimum(linear: Linearization, quadratic: Quadratic, gaps: np.ndarray) -> np.ndarray:
     """The best controls (N, 50): all steps stacked into one linear system."""
     steps = len(gaps)
+    A, B = matrices(linear)
     G = np.zeros((steps + 1, NX, steps * NU))
     for t in range(steps):
-        G[t + 1] = linear.A @ G[t]
-        G[t + 1][:, t * NU : (t + 1) * NU] += linear.B
+        G[t + 1] = A @ G[t]
+        G[t + 1][:, t * NU : (t + 1) * NU] += B
     _, free = lq_cost(np.zeros((steps, NU)), linear, quadratic, gaps)
     normal = np.einsum("tij,tik,tkl->jl", G, quadratic.hessian, G, optimize=True)
     slope = quadratic.gradient + np.einsum("tij,tj->ti", quadratic.hessian, free)
     return np.linalg.solve(normal, -np.einsum("tij,ti->j", G, slope)).reshape(steps, NU)
 
 
-@pytest.mark.parametrize("gap", [0.0, 0.05])
+@pytest.mark.parametrize("gap", [0.0, 0.5])
 def test_backward_is_the_optimum_of_a_linear_problem(problem: Problem, gap: float) -> None:
     steps = 4
-    gaps = gap * np.random.default_rng(9).normal(size=(steps, NX))
+    gaps = SMALL * gap * np.random.default_rng(9).normal(size=(steps, NX))
     rollout, linear, quadratic = toy(problem, steps, gaps)
     policy = ddp.backward(problem, rollout, linear, quadratic, TINY)
     assert policy is not None
+    A, B = matrices(linear)
     x, u = np.zeros(NX), np.empty((steps, NU))
     for t in range(steps):
         u[t] = policy.feedforward[t] + policy.feedback[t] @ x
-        x = linear.A @ x + linear.B @ u[t] + gaps[t]
+        x = A @ x + B @ u[t] + gaps[t]
     best = dense_optimum(linear, quadratic, gaps)
-    np.testing.assert_allclose(u, best, atol=1e-5)
+    np.testing.assert_allclose(u, best, atol=1e-5 * SMALL)
     if gap == 0.0:
         decrease = -lq_cost(best, linear, quadratic, gaps)[0]
         assert policy.gain == pytest.approx(decrease, rel=1e-6)
@@ -98,12 +101,14 @@ def test_far_from_the_end_its_gain_is_the_riccati_equations(problem: Problem) ->
     steps = 60
     gaps = np.zeros((steps, NX))
     rollout, linear, quadratic = toy(problem, steps, gaps)
-    linear = replace(linear, A=0.7 * linear.A)  # so that 60 steps are far
+    # Calm enough that 60 steps are far.
+    linear = replace(linear, next_v=0.5 * linear.next_v, transport=0.7 * linear.transport)
+    A, B = matrices(linear)
     same = Quadratic(0 * quadratic.gradient, np.tile(np.eye(NX), (steps + 1, 1, 1)))
     policy = ddp.backward(problem, rollout, linear, same, TINY)
     assert policy is not None
-    V = solve_discrete_are(linear.A, linear.B, np.eye(NX), 1e-9 * np.eye(NU))
-    K = -np.linalg.solve(linear.B.T @ V @ linear.B, linear.B.T @ V @ linear.A)
+    V = solve_discrete_are(A, B, np.eye(NX), 1e-9 * np.eye(NU))
+    K = -np.linalg.solve(B.T @ V @ B, B.T @ V @ A)
     np.testing.assert_allclose(policy.feedback[0], K, atol=1e-4 * np.abs(K).max())
 
 
@@ -127,9 +132,32 @@ def test_targets_at_their_limit_do_not_push_on(problem: Problem) -> None:
     torque[2, [out, back]] = problem.character.torque_limit[[out, back]]
     held = ddp.backward(problem, replace(rollout, torque=torque), linear, quadratic, 1.0)
     assert held is not None
-    assert held.feedforward[2, out] == 0.0
-    assert np.all(held.feedback[2, out] == 0.0)
+    assert abs(held.feedforward[2, out]) < 1e-6
+    # The joint keeps its torque when it moves: kp (du - dq) - kd dv = 0.
+    row = np.zeros(NX)
+    row[6 + out], row[62 + out] = 1.0, 1.0 / 700.0
+    np.testing.assert_allclose(held.feedback[2, out], row)
     assert held.feedforward[2, back] < 0.0  # away from the limit is allowed
+
+
+def test_it_plans_with_the_limits_of_the_others(problem: Problem) -> None:
+    # A limit that a step would cross is met exactly, and the other joints make up for it.
+    rollout, linear, quadratic = toy(problem, 1, np.zeros((1, NX)))
+    free = ddp.backward(problem, rollout, linear, quadratic, 1.0)
+    assert free is not None
+    out = int(np.argmax(free.feedforward[0]))
+    room = free.feedforward[0, out] / 2
+    torque = rollout.torque.copy()
+    torque[0, out] = problem.character.torque_limit[out] * (1 - 1e-6) - 700.0 * room
+    held = ddp.backward(problem, replace(rollout, torque=torque), linear, quadratic, 1.0)
+    assert held is not None
+    assert held.feedforward[0, out] == pytest.approx(room)
+    _, B = matrices(linear)
+    V = B.T @ quadratic.hessian[1] @ B + np.eye(NU)
+    slope = B.T @ quadratic.gradient[1] + V @ held.feedforward[0]
+    others = np.arange(NU) != out
+    np.testing.assert_allclose(slope[others], 0.0, atol=1e-8 * abs(slope[out]))
+    assert slope[out] < 0.0
 
 
 def solve(problem: Problem, nominal: Rollout, threads: int) -> tuple[Solution, int]:
@@ -194,8 +222,3 @@ def test_the_policy_with_no_step_repeats_the_motion(
             problem.q0, problem.v0, problem.steps, [ddp.closed_loop(problem, best, policy, 0.0)]
         )[0]  # fmt: skip
     np.testing.assert_allclose(again.q, best.q, atol=1e-6)
-
-
-def test_toy_has_what_the_real_linearisation_has() -> None:
-    assert {"q", "v"} <= set(Linearization.__dataclass_fields__)
-    assert callable(Linearization.matrices)

@@ -11,17 +11,19 @@ from physique.body.mesh import BodyMesh
 from physique.body.primitives import Solid, signed_distance, surface_samples
 from physique.skeleton import INDEX, JOINTS, PARENTS
 
-#: Parts that soft flesh lets pass into each other: a hip flexes until the thigh lies against the
-#: belly, an arm hangs against the chest. Rigid capsules would stop both far too early (a kick would
-#: have the thigh 13 cm inside the trunk).
-SOFT: tuple[tuple[str, str], ...] = tuple(
-    (trunk, f"{side}_{limb}")
-    for side in ("left", "right")
-    for limb, trunks in (
-        ("hip", ("pelvis", "spine1", "spine2", "spine3")),
-        ("shoulder", ("spine2", "spine3")),
-    )
-    for trunk in trunks
+_TRUNK = ("pelvis", "spine1", "spine2", "spine3", "left_collar", "right_collar", "neck", "head")
+
+#: Parts that soft flesh lets pass into each other: a trunk bends, a hip flexes until the thigh lies
+#: against the belly, an arm hangs against the chest. Rigid capsules would stop them far too early
+#: (a kick would have the thigh 13 cm inside the trunk).
+SOFT: tuple[tuple[str, str], ...] = (
+    *((a, b) for i, a in enumerate(_TRUNK) for b in _TRUNK[:i]),
+    *(
+        (trunk, f"{side}_{limb}")
+        for side in ("left", "right")
+        for limb in ("hip", "shoulder")
+        for trunk in ("pelvis", "spine1", "spine2", "spine3")
+    ),
 )
 
 

@@ -8,6 +8,7 @@ replayed bit for bit.
 
 from __future__ import annotations
 
+import enum
 from dataclasses import dataclass
 
 import mujoco
@@ -42,7 +43,7 @@ class Character:
 
     xml: MJCF text; `model` is compiled from this very text, so that whoever loads it steps the
         same numbers.
-    torque_limit: (50,) Nm.
+    torque_limit: (50,) Nm. stiffness, damping: (50,), kp, Nm/rad, and kd, Nm s/rad, of Eq. 1.
     joint_bodies: (22,) MuJoCo body index of each joint of `skeleton.JOINTS`.
     foot_geoms: (2, 2) geom index of (foot, toes) of the left and the right leg.
     """
@@ -53,6 +54,8 @@ class Character:
     torque_limit: Array
     joint_bodies: NDArray[np.int64]
     foot_geoms: NDArray[np.int64]
+    stiffness: Array
+    damping: Array
 
     @property
     def mass(self) -> float:
@@ -73,6 +76,8 @@ def make_character(body: CapsuleBody, torque_limit: Array | float) -> Character:
         # What the model has: its text keeps six digits.
         torque_limit=model.actuator_forcerange[:, 1].copy(),
         joint_bodies=np.array([model.body(name).id for name in skeleton.JOINTS]),
+        stiffness=model.actuator_gainprm[:, 0].copy(),
+        damping=-model.actuator_biasprm[:, 2],
         foot_geoms=np.array([[geom[f"{s}_ankle"], geom[f"{s}_foot"]] for s in ("left", "right")]),
     )
 
@@ -89,13 +94,17 @@ def _spec(body: CapsuleBody, limits: Array) -> mujoco.MjSpec:
     # sideways; larger ratios cost the constraint solver several times more iterations.
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     option.impratio = 3.0
+    # Sparse is three times faster here, dense gives the same numbers.
+    option.jacobian = mujoco.mjtJacobian.mjJAC_SPARSE
+    # Sane steps take 2 to 10 iterations; only a body that explodes takes more.
+    option.iterations = 40
     option.disableflags |= mujoco.mjtDisableBit.mjDSBL_WARMSTART
     spec.worldbody.add_geom(
         name="floor",
         type=mujoco.mjtGeom.mjGEOM_PLANE,
         size=[0, 0, 0.05],
         rgba=[0.8, 0.8, 0.8, 1],
-        **_contact(),
+        **_contact(Touches.FLOOR),
     )
     bodies: dict[int, mujoco.MjsBody] = {-1: spec.worldbody}
     origin = np.zeros(3)
@@ -132,8 +141,19 @@ def _spec(body: CapsuleBody, limits: Array) -> mujoco.MjSpec:
     return spec
 
 
-def _contact() -> dict[str, object]:
+class Touches(enum.Enum):
+    """What a geom collides with, as MuJoCo's (contype, conaffinity)."""
+
+    FLOOR = (1, 0)  # is the floor
+    SOLE = (0, 1)  # only the floor
+    LIMB = (2, 2)  # only other parts
+    PART = (2, 3)  # both
+
+
+def _contact(touches: Touches) -> dict[str, object]:
     return {
+        "contype": touches.value[0],
+        "conaffinity": touches.value[1],
         "condim": 3,
         "friction": [FRICTION, 0.005, 0.0001],
         "margin": CONTACT_FADE / 2,  # margins of the two geoms add up
@@ -149,19 +169,46 @@ def _add_part(node: mujoco.MjsBody, part: Part, joint: Array) -> None:
         rgba = [0.35, 0.55, 0.75, 1.0]
     elif part.name.startswith("right_"):
         rgba = [0.8, 0.45, 0.38, 1.0]
-    quat = np.zeros(4)
-    mujoco.mju_mat2Quat(quat, np.ascontiguousarray(part.R_world_from_part).ravel())
+    box = part.shape == "box"
     node.add_geom(
         name=part.name,
         type=_GEOM_TYPE[part.shape],
         size=part.size,
         pos=part.center - joint,
-        quat=quat,
+        quat=_quaternion(part.R_world_from_part),
         rgba=rgba,
-        **_contact(),
+        **_contact(Touches.SOLE if box else Touches.PART),
     )
+    if box:
+        # The normal between two boxes jumps from face to face as they turn, and the cost with it.
+        size, R = _capsule_in_box(part.size, part.R_world_from_part)
+        node.add_geom(
+            name=f"{part.name}_flesh",
+            type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+            size=size,
+            pos=part.center - joint,
+            quat=_quaternion(R),
+            rgba=[0.0, 0.0, 0.0, 0.0],
+            **_contact(Touches.LIMB),
+        )
     node.explicitinertial = True
     node.mass = part.mass
     node.ipos = part.com - joint
     I = part.inertia  # noqa: E741
     node.fullinertia = [I[0, 0], I[1, 1], I[2, 2], I[0, 1], I[0, 2], I[1, 2]]
+
+
+def _quaternion(R: Array) -> Array:
+    quat = np.zeros(4)
+    mujoco.mju_mat2Quat(quat, np.ascontiguousarray(R).ravel())
+    return quat
+
+
+def _capsule_in_box(half: Array, R: Array) -> tuple[Array, Array]:
+    """Size (3,) and rotation (3, 3) of a capsule along the longest axis of a box, as thick as the
+    other two are on (geometric) average."""
+    longest = int(np.argmax(half))
+    others = [(longest + 1) % 3, (longest + 2) % 3]
+    radius = float(np.sqrt(half[others[0]] * half[others[1]]))
+    size = np.array([radius, max(half[longest] - radius, 1e-3), 0.0])
+    return size, np.stack([R[:, others[0]], R[:, others[1]], R[:, longest]], axis=1)

@@ -16,7 +16,8 @@ Array = NDArray[np.float64]
 @dataclass(frozen=True)
 class Poses:
     """Of T poses: joints (T, 22, 3) m, com (T, 3) m, com_jacobian (T, 3, 56) (tangent of q),
-    lowest (T, ngeom) m: the height of each geom's lowest point, infinite for the floor."""
+    lowest (T, ngeom) m: the height of each geom's lowest point, infinite for the floor and
+    what does not touch it."""
 
     joints: Array
     com: Array
@@ -36,6 +37,7 @@ def poses(character: Character, q: Array) -> Poses:
         lowest=np.full((frames, model.ngeom), np.inf),
     )
     pelvis = int(character.joint_bodies[0])
+    standing = np.flatnonzero(model.geom_conaffinity & model.geom_contype[0])
     for t in range(frames):
         data.qpos[:] = q[t]
         mujoco.mj_kinematics(model, data)
@@ -43,7 +45,20 @@ def poses(character: Character, q: Array) -> Poses:
         mujoco.mj_jacSubtreeCom(model, data, out.com_jacobian[t], pelvis)
         out.joints[t] = data.xpos[character.joint_bodies]
         out.com[t] = data.subtree_com[pelvis]
-        out.lowest[t, 1:] = _lowest(model, data)
+        out.lowest[t, standing] = _lowest(model, data, standing)
+    return out
+
+
+def com_jacobian(character: Character, q: Array) -> Array:
+    """d com / d q (T, 3, 56), in the tangent of q (T, 57)."""
+    data = mujoco.MjData(character.model)
+    pelvis = int(character.joint_bodies[0])
+    out = np.empty((len(q), 3, character.model.nv))
+    for t in range(len(q)):
+        data.qpos[:] = q[t]
+        mujoco.mj_kinematics(character.model, data)
+        mujoco.mj_comPos(character.model, data)
+        mujoco.mj_jacSubtreeCom(character.model, data, out[t], pelvis)
     return out
 
 
@@ -57,11 +72,11 @@ def joint_positions(character: Character, q: Array) -> Array:
     return poses(character, q).joints
 
 
-def _lowest(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
-    """Height of the lowest point of every geom but the first, which is the floor."""
-    down = data.geom_xmat.reshape(-1, 3, 3)[1:, 2, :]  # the world's z axis in geom frames
-    size = model.geom_size[1:]
-    kind = model.geom_type[1:]
+def _lowest(model: mujoco.MjModel, data: mujoco.MjData, geoms: NDArray[np.intp]) -> Array:
+    """Height of the lowest point of each of `geoms`."""
+    down = data.geom_xmat[geoms, 6:]  # the world's z axis in geom frames
+    size = model.geom_size[geoms]
+    kind = model.geom_type[geoms]
     reach = np.where(
         kind == mujoco.mjtGeom.mjGEOM_BOX,
         np.sum(np.abs(down) * size, axis=1),
@@ -71,4 +86,4 @@ def _lowest(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
             size[:, 0] + np.abs(down[:, 2]) * size[:, 1],  # capsule
         ),
     )
-    return data.geom_xpos[1:, 2] - reach
+    return data.geom_xpos[geoms, 2] - reach

@@ -5,31 +5,46 @@ dynamics with contact. Differentiating that identity,
 
     da = r_a^-1 ((torque_q - r_q) dq + (torque_v - r_v) dv + torque_u du),
 
-needs finite differences of inverse dynamics only, which runs no constraint solver: about five
-times cheaper than differencing whole steps, and free of the solver's noise. The rest of the step,
-v' = v + h a and q' = q + h v', is differentiated by hand.
+needs derivatives of inverse dynamics only, and those have closed forms (`smooth`, `contact`):
+no finite differences, no constraint solver and its noise. Under `integrator="discrete"`, r holds
+(M + h D + h^2 K) a + h K v with the gains K, D of the actuators that are not at their limits. The
+rest of the step, v' = v + h a and q' = q + h v', is differentiated by hand.
 """
 
 from __future__ import annotations
 
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from physique import rotations
+from physique.simulation import contact, smooth, spatial
 from physique.simulation.character import Character
 from physique.simulation.state import integrate
 
 Array = NDArray[np.float64]
 
-#: Evaluations of the dynamics that one linearisation costs: 56 positions, velocities,
-#: accelerations each, the state itself by forward and by inverse dynamics.
-EVALUATIONS = 3 * 56 + 2
-_EPSILON = 1e-6
 _AT_LIMIT = 1e-9
+#: States that one worker differentiates together: enough for array operations to pay, and small
+#: enough for the processor's cache.
+_CHUNK = 40
+
+
+class PulledBack(NamedTuple):
+    """A quadratic of the next state by the new velocity v' and the old position q.
+
+    by_v (56,) and by_q (56,) are its gradients, vv, vq and qq (56, 56) its second derivatives.
+    """
+
+    by_v: Array
+    by_q: Array
+    vv: Array
+    vq: Array
+    qq: Array
 
 
 @dataclass(frozen=True)
@@ -62,9 +77,39 @@ class Linearization:
         AB[:nv, :nv] += D
         return AB[:, : 2 * nv], AB[:, 2 * nv :]
 
+    def pull_back(self, t: int, hessian: Array, gradient: Array) -> PulledBack:
+        """A value function of the state after step t, hessian (112, 112) and gradient (112,), as
+        one of what the step is made of."""
+        nv, h = len(self.v[t]), self.timestep
+        V_qq, V_qv, V_vv = hessian[:nv, :nv], hessian[:nv, nv:], hessian[nv:, nv:]
+        # dq' = D dq + h E dv', with D and E the identity but for the pelvis' turn.
+        turn = slice(3, 6)
+        D, E = self.transport[t], self.rotation[t]
+        EV = h * V_qq
+        EV[turn] = E.T @ EV[turn]
+        value = h * EV
+        value[:, turn] = value[:, turn] @ E
+        EV_qv = h * V_qv
+        EV_qv[turn] = E.T @ EV_qv[turn]
+        value += EV_qv
+        value += EV_qv.T
+        value += V_vv
+        mixed = EV + V_qv.T
+        mixed[:, turn] = mixed[:, turn] @ D
+        stay = V_qq.copy()
+        stay[turn] = D.T @ stay[turn]
+        stay[:, turn] = stay[:, turn] @ D
+        through = h * gradient[:nv]
+        through[turn] = E.T @ through[turn]
+        through += gradient[nv:]
+        stay_gradient = gradient[:nv].copy()
+        stay_gradient[turn] = D.T @ stay_gradient[turn]
+        return PulledBack(through, stay_gradient, value, mixed, stay)
+
 
 def linearize(
     character: Character,
+    tree: smooth.Tree,
     datas: list[mujoco.MjData],
     executor: Executor,
     q: Array,
@@ -78,11 +123,13 @@ def linearize(
     steps = len(control)
     next_v = np.empty((steps, 56, 162))
     v_next = np.empty((steps, 56))
+    chunks = [slice(i, min(i + _CHUNK, steps)) for i in range(0, steps, _CHUNK)]
 
     def run(worker: int) -> None:
-        data = datas[worker]
-        for t in range(worker, steps, len(datas)):
-            v_next[t] = _step_derivative(character, data, q[t], v[t], control[t], next_v[t])
+        for part in chunks[worker :: len(datas)]:
+            v_next[part], next_v[part] = _differentiate(
+                character, tree, datas[worker], q[part], v[part], control[part]
+            )
 
     for done in [executor.submit(run, worker) for worker in range(len(datas))]:
         done.result()
@@ -98,31 +145,43 @@ def linearize(
     )
 
 
-def _step_derivative(
-    character: Character, data: mujoco.MjData, q: Array, v: Array, u: Array, out: Array
-) -> Array:
+def _differentiate(
+    character: Character, tree: smooth.Tree, data: mujoco.MjData, q: Array, v: Array, u: Array
+) -> tuple[Array, Array]:
+    """v' (n, 56) and its derivatives (n, 56, 162) of a few steps."""
     model = character.model
-    nv, h = model.nv, model.opt.timestep
-    mujoco.mj_resetData(model, data)
-    data.qpos[:], data.qvel[:], data.ctrl[:] = q, v, u
-    mujoco.mj_forward(model, data)
-    v_next = v + h * data.qacc
-    free = np.abs(data.actuator_force) < character.torque_limit - _AT_LIMIT
-    kp = np.where(free, model.actuator_gainprm[:, 0], 0.0)
-    kd = np.where(free, -model.actuator_biasprm[:, 2], 0.0)
-    r_q, r_v, r_a = (np.empty((nv, nv)) for _ in range(3))
-    # Rows are the perturbed coordinate.
-    mujoco.mjd_inverseFD(model, data, _EPSILON, False, r_q, r_v, r_a, None, None, None, None)
-    right = np.zeros((nv, 2 * nv + model.nu))
-    right[:, :nv] = -r_q.T
-    right[:, nv : 2 * nv] = -r_v.T
+    n, nv, nu, h = len(q), model.nv, model.nu, model.opt.timestep
+    a, torque = np.empty((n, nv)), np.empty((n, nu))
+    axes, inertia = np.empty((n, nv, 6)), np.empty((n, model.nbody - 1, 10))
+    r_a = np.empty((n, nv, nv))
+    contacts = []
+    for t in range(n):
+        mujoco.mj_resetData(model, data)
+        data.qpos[:], data.qvel[:], data.ctrl[:] = q[t], v[t], u[t]
+        mujoco.mj_forward(model, data)
+        a[t], torque[t] = data.qacc, data.actuator_force
+        axes[t], inertia[t] = data.cdof, data.cinert[1:]
+        mujoco.mj_fullM(model, data, r_a[t])
+        contacts.append(contact.read(model, data))
+    motion = smooth.motion(tree, axes, v, a)
+    r_q, r_v = smooth.derivatives(tree, motion, spatial.inertia_matrix(inertia))
+    found = contact.join(model, contacts)
+    if found is not None:
+        for r, f in zip((r_q, r_v, r_a), contact.derivatives(tree, motion, found, v, a)):
+            r -= f
+    free = np.abs(torque) < character.torque_limit - _AT_LIMIT
+    kp = np.where(free, character.stiffness, 0.0)
+    kd = np.where(free, character.damping, 0.0)
     joint = np.arange(6, nv)
-    right[joint, joint] -= kp
-    right[joint, nv + joint] -= kd
-    right[joint, 2 * nv + joint - 6] = kp
-    out[:] = h * np.linalg.solve(r_a.T, right)
-    out[:, nv : 2 * nv] += np.eye(nv)
-    return v_next
+    r_a[:, joint, joint] += h * kd + h * h * kp
+    by_state = np.concatenate([-r_q, -r_v], axis=-1)
+    by_state[:, joint, joint] -= kp
+    by_state[:, joint, nv + joint] -= kd + h * kp
+    inverse = h * np.linalg.inv(r_a)
+    out = np.concatenate([inverse @ by_state, inverse[..., 6:] * kp[:, None]], axis=-1)
+    index = np.arange(nv)
+    out[:, index, nv + index] += 1.0
+    return v + h * a, out
 
 
 def _right_jacobian(w: Array) -> Array:

@@ -45,24 +45,50 @@ def within_limits(character: Character, control: Array, q: Array, v: Array) -> A
     A target beyond the limit gives the same torque but no derivative; at the limit it keeps both.
     """
     offset = control - q[..., 7:]
-    damping = _gain_kd(character) * v[..., 6:]
-    limit = character.torque_limit * (1.0 - 1e-6)
-    torque = _gain_kp(character) * offset - damping
-    return q[..., 7:] + (np.clip(torque, -limit, limit) + damping) / _gain_kp(character)
+    damping = character.damping * v[..., 6:]
+    limit = _limit(character)
+    torque = character.stiffness * offset - damping
+    return q[..., 7:] + (np.clip(torque, -limit, limit) + damping) / character.stiffness
 
 
 def pd_torque(character: Character, control: Array, q: Array, v: Array) -> Array:
     """Eq. 1 within the limits: torques (..., 50), Nm."""
-    torque = _gain_kp(character) * (control - q[..., 7:]) - _gain_kd(character) * v[..., 6:]
+    torque = character.stiffness * (control - q[..., 7:]) - character.damping * v[..., 6:]
     return np.clip(torque, -character.torque_limit, character.torque_limit)
 
 
-def _gain_kp(character: Character) -> Array:
-    return character.model.actuator_gainprm[:, 0]
+def _limit(character: Character) -> Array:
+    return character.torque_limit * (1.0 - 1e-6)
 
 
-def _gain_kd(character: Character) -> Array:
-    return -character.model.actuator_biasprm[:, 2]
+class Feedback:
+    """The controller u(t, x) = control + gain (x - x0), kept `within_limits`.
+
+    About states q (T, 57), v (T, 56) of a motion; control (N, 50) rad, gain (N, 50, 112), N < T.
+    """
+
+    def __init__(self, character: Character, q: Array, v: Array, control: Array, gain: Array):
+        self._model = character.model
+        self._q, self._v, self._control, self._gain = q, v, control, gain
+        self._away = np.empty(2 * character.model.nv)
+        self._lag = character.damping / character.stiffness
+        self._reach = _limit(character) / character.stiffness
+
+    def __call__(self, t: int, q: Array, v: Array) -> Array:
+        """Targets (50,) at step t in the state q (57,), v (56,)."""
+        nv = self._model.nv
+        mujoco.mj_differentiatePos(self._model, self._away[:nv], 1.0, self._q[t], q)
+        np.subtract(v, self._v[t], out=self._away[nv:])
+        wanted: Array = self._gain[t] @ self._away
+        wanted += self._control[t]
+        # As `within_limits`, with fewer temporaries.
+        center = self._lag * v[6:]
+        center += q[7:]
+        wanted -= center
+        np.minimum(wanted, self._reach, out=wanted)
+        np.maximum(wanted, -self._reach, out=wanted)
+        wanted += center
+        return wanted
 
 
 def simulate(
@@ -73,9 +99,9 @@ def simulate(
     steps: int,
     control_at: Callable[[int, Array, Array], Array],
 ) -> Rollout:
-    """Step from (q, v), asking `control_at(t, q, v)` for the position targets (50,) of each step.
+    """Step from q (57,), v (56,); control_at(t, q, v) gives targets (50,).
 
-    data: a scratch MjData of the character's model, one per thread.
+    After a divergence the rest of the roll-out is undefined.
     """
     model = character.model
     out = Rollout(
@@ -88,23 +114,31 @@ def simulate(
         diverged=False,
     )
     mujoco.mj_resetData(model, data)
-    data.qpos[:], data.qvel[:] = q, v
+    qpos, qvel, ctrl, force, sensors = (
+        data.qpos, data.qvel, data.ctrl, data.actuator_force, data.sensordata,
+    )  # fmt: skip
+    qpos[:], qvel[:] = q, v
+    time = 0.0
     for t in range(steps):
-        out.q[t], out.v[t] = data.qpos, data.qvel
-        out.control[t] = control_at(t, out.q[t], out.v[t])
-        data.ctrl[:] = out.control[t]
+        out.q[t], out.v[t] = qpos, qvel
+        out.control[t] = control_at(t, qpos, qvel)
+        ctrl[:] = out.control[t]
         mujoco.mj_step(model, data)
         # Sensors describe the state before the step.
-        out.com[t], out.com_velocity[t] = data.sensordata[:3], data.sensordata[3:6]
-        out.torque[t] = data.actuator_force
-        if any(data.warning[w].number for w in _WARNINGS):
+        out.com[t], out.com_velocity[t] = sensors[:3], sensors[3:6]
+        out.torque[t] = force
+        # A simulation that blows up resets itself, its clock too.
+        if data.time <= time:
             return Rollout(**{**out.__dict__, "diverged": True})
-    out.q[-1], out.v[-1] = data.qpos, data.qvel
+        time = data.time
+    out.q[-1], out.v[-1] = qpos, qvel
     mujoco.mj_fwdPosition(model, data)
     mujoco.mj_sensorPos(model, data)
     mujoco.mj_fwdVelocity(model, data)
     mujoco.mj_sensorVel(model, data)
-    out.com[-1], out.com_velocity[-1] = data.sensordata[:3], data.sensordata[3:6]
+    out.com[-1], out.com_velocity[-1] = sensors[:3], sensors[3:6]
+    if any(data.warning[w].number for w in _WARNINGS):
+        return Rollout(**{**out.__dict__, "diverged": True})
     return out
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from physique.simulation import kinematics
+from physique.simulation import kinematics, smooth
 from physique.simulation import linearize as lin
 from physique.simulation.character import Character
 from physique.simulation.rollout import Rollout, simulate, simulate_many
@@ -33,6 +33,7 @@ class Simulator:
         self.steps = 0
         # BLAS threads under our own make small products many times slower.
         self._blas = threadpool_limits(1)
+        self._tree = smooth.make_tree(character.model)
         self._datas = [mujoco.MjData(character.model) for _ in range(threads)]
         self._executor = ThreadPoolExecutor(threads)
         self._pool = mujoco.rollout.Rollout(nthread=threads if threads > 1 else 0)
@@ -75,5 +76,5 @@ class Simulator:
 
     def linearize(self, q: Array, v: Array, control: Array) -> lin.Linearization:
         """Derivatives of the steps from q (N, 57), v (N, 56) under control (N, 50)."""
-        self.steps += len(control) * lin.EVALUATIONS
-        return lin.linearize(self.character, self._datas, self._executor, q, v, control)
+        self.steps += len(control)
+        return lin.linearize(self.character, self._tree, self._datas, self._executor, q, v, control)

@@ -13,14 +13,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg.lapack import dpotrs
 
 from physique.simulation import kinematics
 from physique.simulation.linearize import Linearization
-from physique.simulation.rollout import Rollout, within_limits
+from physique.simulation.rollout import Feedback, Rollout
 from physique.simulation.simulator import Simulator
 from physique.simulation.state import difference
 from physique.tracking import costs
+from physique.tracking.box import solve_box
 from physique.tracking.costs import Quadratic
 from physique.tracking.problem import Problem, Solution
 
@@ -137,7 +138,11 @@ def _close_gaps(
         if (policy := backward(problem, nominal, *derivatives, damping)) is not None
         for length in (1.0, 0.0)
     ]
-    controllers.append(lambda t, q, v: within_limits(problem.character, nominal.control[t], q, v))
+    nu, nx = nominal.control.shape[1], 2 * nominal.v.shape[1]
+    none = np.zeros((problem.steps, nu))
+    controllers.append(
+        closed_loop(problem, nominal, Policy(none, np.zeros((problem.steps, nu, nx)), 0.0), 0.0)
+    )
     rollouts = simulator.run(problem.q0, problem.v0, problem.steps, controllers)
     best = min(rollouts, key=problem.cost)
     return best, problem.cost(best)
@@ -147,7 +152,7 @@ def _expand(
     problem: Problem, simulator: Simulator, rollout: Rollout, kink: float
 ) -> tuple[Linearization, Quadratic]:
     linear = simulator.linearize(rollout.q[:-1], rollout.v[:-1], rollout.control)
-    jacobian = kinematics.poses(problem.character, rollout.q).com_jacobian
+    jacobian = kinematics.com_jacobian(problem.character, rollout.q)
     quadratic = costs.expand(
         problem.weights, problem.target, rollout.q, rollout.v, rollout.com, rollout.com_velocity,
         jacobian, kink,
@@ -158,46 +163,74 @@ def _expand(
 def backward(
     problem: Problem, rollout: Rollout, linear: Linearization, cost: Quadratic, damping: float
 ) -> Policy | None:
-    """The linear-quadratic policy about a roll-out; None where the damping is too small."""
+    """The linear-quadratic policy about a roll-out; None where the damping is too small.
+
+    A step moves the state through its new velocity alone, v' = v + a dx + b du, and q' follows
+    from v' (`Linearization`); with G = dx'/dv' the value of the next state reaches this one as
+    G^T V G (56, 56), which halves the work.
+    """
     steps, nu = rollout.control.shape
-    feedforward = np.zeros((steps, nu))
-    feedback = np.zeros((steps, nu, 112))
+    nv = rollout.v.shape[1]
+    feedforward, feedback = np.zeros((steps, nu)), np.zeros((steps, nu, 2 * nv))
     v_x, v_xx = cost.gradient[-1].copy(), cost.hessian[-1].copy()
     # Zero, but for a nominal motion that does not obey physics.
     gaps = np.concatenate(
         [difference(rollout.q[1:], linear.q), linear.v - rollout.v[1:]], axis=1
     )  # (N, 112)
     gain = 0.0
-    limit = problem.character.torque_limit * (1 - 1e-5)
+    character = problem.character
+    kp, lag = character.stiffness, character.damping / character.stiffness
+    limit = character.torque_limit * (1 - 1e-6)
+    low, high = (-limit - rollout.torque) / kp, (limit - rollout.torque) / kp
     # The same change of target uses more of a weak joint's strength.
-    weak = DAMPING_LIMIT / problem.character.torque_limit
+    weight = damping * DAMPING_LIMIT / character.torque_limit
+    joint = np.arange(nu)
+    # A joint at its limit keeps its torque, so its target moves along with the joint.
+    along = np.zeros((nu, 2 * nv))
+    along[joint, 6 + joint], along[joint, nv + 6 + joint] = 1.0, lag
     for t in range(steps - 1, -1, -1):
-        A, B = linear.matrices(t)
-        VA, VB = v_xx @ A, v_xx @ B
-        v_x = v_x + v_xx @ gaps[t]
-        q_x = cost.gradient[t] + A.T @ v_x
-        q_u = B.T @ v_x
-        q_xx = cost.hessian[t] + A.T @ VA
-        q_ux = B.T @ VA
-        q_uu = B.T @ VB
-        regular = q_uu + np.diag(damping * weak)
-        torque = rollout.torque[t]
-        free = np.ones(nu, dtype=bool)
-        # At a limit, descent directions that push further out are blocked.
-        free &= ~((torque >= limit) & (q_u < 0)) & ~((torque <= -limit) & (q_u > 0))
-        try:
-            factor = cho_factor(regular[np.ix_(free, free)])
-        except np.linalg.LinAlgError:
+        a, b = linear.next_v[t, :, : 2 * nv], linear.next_v[t, :, 2 * nv :]
+        v_x += v_xx @ gaps[t]
+        value = linear.pull_back(t, v_xx, v_x)
+        half = 0.5 * (value.vv @ a)
+        half[:, :nv] += value.vq
+        q_xx = a.T @ half
+        q_xx += q_xx.T.copy()
+        q_xx += cost.hessian[t]
+        q_xx[:nv, :nv] += value.qq
+        q_x = a.T @ value.by_v
+        q_x += cost.gradient[t]
+        q_x[:nv] += value.by_q
+        q_u = b.T @ value.by_v
+        b_value = b.T @ value.vv
+        q_uu = b_value @ b
+        q_ux = b_value @ a
+        q_ux[:, :nv] += b.T @ value.vq
+        regular = q_uu.copy()
+        regular.flat[:: nu + 1] += weight
+        found = solve_box(regular, q_u, low[t], high[t])
+        if found is None:
             return None
-        solved = cho_solve(factor, np.column_stack([q_u[free], q_ux[free]]))
-        k, K = np.zeros(nu), np.zeros((nu, 112))
-        k[free], K[free] = -solved[:, 0], -solved[:, 1:]
+        k, free, factor = found
+        if free.all():
+            K = -dpotrs(factor, q_ux, lower=1)[0]
+        elif not free.any():
+            K = along
+        else:
+            K = along.copy()
+            held = q_ux[free] + regular[np.ix_(free, ~free)] @ along[~free]
+            K[free] = -dpotrs(factor, held, lower=1)[0]
         feedforward[t], feedback[t] = k, K
-        gain -= q_u @ k + 0.5 * k @ q_uu @ k
-        v_x = q_x + K.T @ (q_uu @ k + q_u) + q_ux.T @ k
-        v_xx = q_xx + K.T @ q_uu @ K + K.T @ q_ux + q_ux.T @ K
-        v_xx = 0.5 * (v_xx + v_xx.T)
-    return Policy(feedforward, feedback, gain)
+        uu_k = q_uu @ k
+        gain -= q_u @ k + 0.5 * k @ uu_k
+        rest = q_uu @ K
+        rest += q_ux
+        v_x = q_x + K.T @ (q_u + uu_k) + q_ux.T @ k
+        v_xx = q_xx + K.T @ rest
+        v_xx += q_ux.T @ K
+        v_xx += v_xx.T.copy()
+        v_xx *= 0.5
+    return Policy(feedforward, feedback, float(gain))
 
 
 def _line_search(
@@ -222,14 +255,9 @@ def _line_search(
     return None
 
 
-def closed_loop(
-    problem: Problem, about: Rollout, policy: Policy, length: float
-) -> Callable[[int, Array, Array], Array]:
+def closed_loop(problem: Problem, about: Rollout, policy: Policy, length: float) -> Feedback:
     """The controller that follows `policy` with its feedforward scaled by `length`."""
-
-    def control(t: int, q: Array, v: Array) -> Array:
-        dx = np.concatenate([difference(about.q[t], q), v - about.v[t]])
-        wanted = about.control[t] + length * policy.feedforward[t] + policy.feedback[t] @ dx
-        return within_limits(problem.character, wanted, q, v)
-
-    return control
+    return Feedback(
+        problem.character, about.q, about.v,
+        about.control + length * policy.feedforward, policy.feedback,
+    )  # fmt: skip
