@@ -42,7 +42,7 @@ HORIZON = 80  # steps: the paper's two windows of 0.4 s
 TORQUE = 100.0  # Nm
 SAMPLES = 200
 #: The fast one stops by itself or before a fortieth of the paper's 16 million steps.
-FAST = ddp.Options(iterations=28, most_iterations=28, tolerance=0.001)
+FAST = ddp.Options(iterations=60, tolerance=0.001)
 CHECKPOINT = 120.0  # s between stores
 
 

@@ -41,7 +41,8 @@ def toy(
     turn = 0.3 * rng.normal(size=(2, 3, 3))
     linear = Linearization(
         q=integrate(q[1:], gaps[:, :56]), v=gaps[:, 56:],
-        next_v=np.tile(rng.normal(size=(56, NX + NU)) / np.sqrt(NX), (steps, 1, 1)),
+        by_state=np.tile(rng.normal(size=(56, NX)) / np.sqrt(NX), (steps, 1, 1)),
+        by_control=np.tile(rng.normal(size=(56, NU)) / np.sqrt(NX), (steps, 1, 1)),
         transport=np.tile(np.eye(3) + turn[0], (steps, 1, 1)),
         rotation=np.tile(np.eye(3) + turn[1], (steps, 1, 1)),
         timestep=0.5,
@@ -102,7 +103,7 @@ def test_far_from_the_end_its_gain_is_the_riccati_equations(problem: Problem) ->
     gaps = np.zeros((steps, NX))
     rollout, linear, quadratic = toy(problem, steps, gaps)
     # Calm enough that 60 steps are far.
-    linear = replace(linear, next_v=0.5 * linear.next_v, transport=0.7 * linear.transport)
+    linear = replace(linear, by_state=0.5 * linear.by_state, transport=0.7 * linear.transport)
     A, B = matrices(linear)
     same = Quadratic(0 * quadratic.gradient, np.tile(np.eye(NX), (steps + 1, 1, 1)))
     policy = ddp.backward(problem, rollout, linear, same, TINY)

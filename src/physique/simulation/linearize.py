@@ -52,14 +52,15 @@ class Linearization:
     """N steps and their derivatives.
 
     q, v: (N, 57), (N, 56), the states that the steps lead to.
-    next_v: (N, 56, 162), of v' with respect to (dq, dv, du).
+    by_state: (N, 56, 112), by_control: (N, 56, 50), of v' with respect to (dq, dv) and du.
     transport: (N, 3, 3) and rotation: (N, 3, 3), the pelvis orientation's parts of dq':
         d turn' = transport d turn + h rotation d omega'. Everywhere else dq' = dq + h dv'.
     """
 
     q: Array
     v: Array
-    next_v: Array
+    by_state: Array
+    by_control: Array
     transport: Array
     rotation: Array
     timestep: float
@@ -70,8 +71,8 @@ class Linearization:
         E = np.eye(nv)
         E[3:6, 3:6] = self.rotation[t]
         AB = np.zeros((2 * nv, 2 * nv + 50))
-        AB[nv:] = self.next_v[t]
-        AB[:nv] = h * E @ self.next_v[t]
+        AB[nv:, : 2 * nv], AB[nv:, 2 * nv :] = self.by_state[t], self.by_control[t]
+        AB[:nv] = h * E @ AB[nv:]
         D = np.eye(nv)
         D[3:6, 3:6] = self.transport[t]
         AB[:nv, :nv] += D
@@ -121,13 +122,13 @@ def linearize(
     datas: scratch space, one per worker of `executor`.
     """
     steps = len(control)
-    next_v = np.empty((steps, 56, 162))
+    by_state, by_control = np.empty((steps, 56, 112)), np.empty((steps, 56, 50))
     v_next = np.empty((steps, 56))
     chunks = [slice(i, min(i + _CHUNK, steps)) for i in range(0, steps, _CHUNK)]
 
     def run(worker: int) -> None:
         for part in chunks[worker :: len(datas)]:
-            v_next[part], next_v[part] = _differentiate(
+            v_next[part], by_state[part], by_control[part] = _differentiate(
                 character, tree, datas[worker], q[part], v[part], control[part]
             )
 
@@ -138,7 +139,8 @@ def linearize(
     return Linearization(
         q=integrate(q, h * v_next),
         v=v_next,
-        next_v=next_v,
+        by_state=by_state,
+        by_control=by_control,
         transport=np.swapaxes(rotations.to_matrix(rotations.exp(turn)), -1, -2),
         rotation=_right_jacobian(turn),
         timestep=h,
@@ -147,8 +149,8 @@ def linearize(
 
 def _differentiate(
     character: Character, tree: smooth.Tree, data: mujoco.MjData, q: Array, v: Array, u: Array
-) -> tuple[Array, Array]:
-    """v' (n, 56) and its derivatives (n, 56, 162) of a few steps."""
+) -> tuple[Array, Array, Array]:
+    """v' (n, 56) of a few steps, its derivatives (n, 56, 112) and (n, 56, 50)."""
     model = character.model
     n, nv, nu, h = len(q), model.nv, model.nu, model.opt.timestep
     a, torque = np.empty((n, nv)), np.empty((n, nu))
@@ -178,10 +180,10 @@ def _differentiate(
     by_state[:, joint, joint] -= kp
     by_state[:, joint, nv + joint] -= kd + h * kp
     inverse = h * np.linalg.inv(r_a)
-    out = np.concatenate([inverse @ by_state, inverse[..., 6:] * kp[:, None]], axis=-1)
+    next_v = inverse @ by_state
     index = np.arange(nv)
-    out[:, index, nv + index] += 1.0
-    return v + h * a, out
+    next_v[:, index, nv + index] += 1.0
+    return v + h * a, next_v, inverse[..., 6:] * kp[:, None]
 
 
 def _right_jacobian(w: Array) -> Array:

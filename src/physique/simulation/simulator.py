@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 import mujoco
@@ -50,7 +50,9 @@ class Simulator:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def run(self, q: Array, v: Array, steps: int, controllers: list[Controller]) -> list[Rollout]:
+    def run(
+        self, q: Array, v: Array, steps: int, controllers: Sequence[Controller]
+    ) -> list[Rollout]:
         """One roll-out from (q, v) for each controller (t, q, v) -> targets (50,)."""
         self.steps += steps * len(controllers)
         out: list[Rollout | None] = [None] * len(controllers)

@@ -36,17 +36,14 @@ DAMPING_LIMIT = 100.0  # Nm
 class Options:
     """Settings of the optimiser.
 
-    iterations: for a motion that is followed well. most_iterations: while E stays above `good` for
-        each second of motion. tolerance: stop when an iteration gains less than this fraction of E.
+    iterations: at most. tolerance: stop when the model promises less than this fraction of E.
     kink: rad, where Eq. 7's model is rounded off. step_lengths: of the line search, in pairs.
     damping: of the controls, at the start, its least and its greatest value; start_dampings are
         tried side by side to close the gaps of the nominal motion.
     """
 
-    iterations: int = 5
-    most_iterations: int = 10
-    good: float = 4.0
-    tolerance: float = 0.01
+    iterations: int = 15
+    tolerance: float = 0.03
     kink: float = 0.02
     step_lengths: tuple[float, ...] = (1.0, 0.5, 0.25, 0.1, 0.03, 0.01)
     damping: float = 3.0
@@ -90,15 +87,15 @@ def solve(
     derivatives: tuple[Linearization, Quadratic] | None = None
     damping = options.damping
     status = "iterations"
-    good = options.good * problem.steps * float(problem.character.model.opt.timestep)
-    for iteration in range(1, max(options.iterations, options.most_iterations)):
-        if iteration >= options.iterations and cost < good:
-            break
+    for iteration in range(1, options.iterations):
         if derivatives is None:
             derivatives = _expand(problem, simulator, best, options.kink)
         policy = backward(problem, best, *derivatives, damping)
         found = None
         if policy is not None:
+            if policy.gain < options.tolerance * cost and damping <= options.damping:
+                status = "converged"
+                break
             found = _line_search(problem, simulator, best, cost, policy, options.step_lengths)
         if found is None:
             damping *= 8
@@ -106,15 +103,12 @@ def solve(
                 status = "no step lowers the cost"
                 break
             continue
-        previous, (best, cost, length) = cost, found
+        best, cost, length = found
         derivatives = None
         history.append(cost)
         if on_iteration is not None:
             on_iteration(iteration, cost)
         damping = _adapt(damping, length, options)
-        if length == 1.0 and previous - cost < options.tolerance * previous:
-            status = "converged"
-            break
     return Solution(best, cost, tuple(history), simulator.steps - before, status)
 
 
@@ -187,24 +181,24 @@ def backward(
     joint = np.arange(nu)
     # A joint at its limit keeps its torque, so its target moves along with the joint.
     along = np.zeros((nu, 2 * nv))
+    left, right = np.empty((2, nv + nu, 2 * nv))
+    mixed = np.empty((nu, 2 * nv))
     along[joint, 6 + joint], along[joint, nv + 6 + joint] = 1.0, lag
     for t in range(steps - 1, -1, -1):
-        a, b = linear.next_v[t, :, : 2 * nv], linear.next_v[t, :, 2 * nv :]
+        a, b = linear.by_state[t], linear.by_control[t]
         v_x += v_xx @ gaps[t]
         value = linear.pull_back(t, v_xx, v_x)
-        half = 0.5 * (value.vv @ a)
+        left[:nv] = a
+        half = np.matmul(value.vv, a, out=right[:nv])
+        half *= 0.5
         half[:, :nv] += value.vq
-        q_xx = a.T @ half
-        q_xx += q_xx.T.copy()
-        q_xx += cost.hessian[t]
-        q_xx[:nv, :nv] += value.qq
         q_x = a.T @ value.by_v
         q_x += cost.gradient[t]
         q_x[:nv] += value.by_q
         q_u = b.T @ value.by_v
         b_value = b.T @ value.vv
         q_uu = b_value @ b
-        q_ux = b_value @ a
+        q_ux = np.matmul(b_value, a, out=mixed)
         q_ux[:, :nv] += b.T @ value.vq
         regular = q_uu.copy()
         regular.flat[:: nu + 1] += weight
@@ -212,25 +206,35 @@ def backward(
         if found is None:
             return None
         k, free, factor = found
+        K = feedback[t]
         if free.all():
-            K = -dpotrs(factor, q_ux, lower=1)[0]
-        elif not free.any():
-            K = along
+            K[:] = -_solve(factor, q_ux)
         else:
-            K = along.copy()
-            held = q_ux[free] + regular[np.ix_(free, ~free)] @ along[~free]
-            K[free] = -dpotrs(factor, held, lower=1)[0]
-        feedforward[t], feedback[t] = k, K
+            K[:] = along
+            if free.any():
+                held = q_ux[free] + regular[np.ix_(free, ~free)] @ along[~free]
+                K[free] = -_solve(factor, held)
+        feedforward[t] = k
         uu_k = q_uu @ k
-        gain -= q_u @ k + 0.5 * k @ uu_k
-        rest = q_uu @ K
-        rest += q_ux
+        gain -= float(q_u @ k + 0.5 * k @ uu_k)
         v_x = q_x + K.T @ (q_u + uu_k) + q_ux.T @ k
-        v_xx = q_xx + K.T @ rest
-        v_xx += q_ux.T @ K
+        # a^T vv a + a^T [vq 0] + K^T q_uu K / 2 + K^T q_ux, and its transpose.
+        left[nv:] = K
+        rest = np.matmul(q_uu, K, out=right[nv:])
+        rest *= 0.5
+        rest += q_ux
+        v_xx = left.T @ right
         v_xx += v_xx.T.copy()
-        v_xx *= 0.5
-    return Policy(feedforward, feedback, float(gain))
+        v_xx += cost.hessian[t]
+        v_xx[:nv, :nv] += value.qq
+    return Policy(feedforward, feedback, gain)
+
+
+def _solve(factor: Array, right: Array) -> Array:
+    """H^-1 right, of the lower Cholesky factor of H."""
+    # LAPACK wants columns; converting in its wrapper is ten times slower.
+    solved: Array = dpotrs(factor, np.asfortranarray(right), lower=1, overwrite_b=1)[0]
+    return solved
 
 
 def _line_search(
