@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from physique import metrics
-from physique.inputs import find_body
 from physique.motion.read import read_motion
 from physique.simulation import kinematics
-from physique.simulation.character import Character, make_character
+from physique.simulation.character import Character
 from physique.simulation.soles import sole_points
 from physique.simulation.state import finite_velocity
 from physique.tracking import costs
@@ -19,11 +18,6 @@ from physique.tracking.costs import Weights
 from physique.tracking.reference import Reference, make_reference
 from physique.tracking.trajectory import Trajectory, join
 from physique.tracking.windows import Window
-
-
-@pytest.fixture(scope="module")
-def character() -> Character:
-    return make_character(find_body("average"), 100.0)
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import mujoco
@@ -10,13 +10,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from physique.body.build import capsule_body
-from physique.body.named import named_body
-from physique.motion.read import read_motion
-from physique.simulation.character import Character, make_character
-from physique.simulation.quiet import quiet
+from physique.simulation.character import Character
 from physique.simulation.rollout import within_limits
-from physique.tracking.reference import Reference, make_reference
+from physique.tracking.reference import Reference
 
 Array = NDArray[np.float64]
 
@@ -28,23 +24,6 @@ class Moment:
     q: Array
     v: Array
     u: Array
-
-
-@pytest.fixture(scope="session", autouse=True)
-def _quiet() -> Iterator[None]:
-    """Tests that blow a simulation up on purpose need no log file of it."""
-    with quiet():
-        yield
-
-
-@pytest.fixture(scope="session")
-def character() -> Character:
-    return make_character(capsule_body(named_body("average")), 100.0)
-
-
-@pytest.fixture(scope="session")
-def walk(character: Character) -> Reference:
-    return make_reference(read_motion("walk"), character)
 
 
 @pytest.fixture(scope="session")

@@ -2,36 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 import pytest
 
-from physique.body.build import capsule_body
-from physique.body.named import named_body
-from physique.motion.read import read_motion
-from physique.simulation.character import Character, make_character
-from physique.simulation.quiet import quiet
+from physique.simulation.character import Character
 from physique.simulation.rollout import Rollout
 from physique.tracking.problem import Problem, nominal_motion
-from physique.tracking.reference import Reference, make_reference
-
-
-@pytest.fixture(scope="session", autouse=True)
-def _quiet() -> Iterator[None]:
-    """Wild samples blow up now and then; tests need no log file of it."""
-    with quiet():
-        yield
-
-
-@pytest.fixture(scope="session")
-def character() -> Character:
-    return make_character(capsule_body(named_body("average")), 100.0)
-
-
-@pytest.fixture(scope="session")
-def walk(character: Character) -> Reference:
-    return make_reference(read_motion("walk"), character)
+from physique.tracking.reference import Reference
 
 
 @pytest.fixture(scope="session")

@@ -154,80 +154,109 @@ def force_and_stiffness(c: Contacts) -> tuple[Array, Array]:
     return force, stiffness
 
 
+@dataclass
+class _Relative:
+    """How the second part moves against the first at each of C contacts, in world axes.
+
+    By n coordinates: velocity, turn (angular velocity) and moved (of the contact's point), each
+    (C, 3, n). spin (2, C, 3) and rate (2, C, 3, n): relative angular velocity, and the derivative
+    by q of the relative velocity of two material points, for the generalised velocities v and a.
+    """
+
+    velocity: Array
+    turn: Array
+    moved: Array
+    spin: Array
+    rate: Array
+
+
 def derivatives(
     tree: Tree, m: Motion, c: Contacts, v: Array, a: Array
 ) -> tuple[Array, Array, Array]:
     """d (J^T f) by q, v and a, each (T, 56, 56), row by torque, at v (T, 56), a (T, 56)."""
     frames, nv = v.shape
-    t = c.frames
+    t, R = c.frames, c.frame
     force, stiffness = force_and_stiffness(c)
-    R, lever = c.frame, c.lever
     world_force = np.einsum("cri,cr->ci", R, force)
-    S = m.axes[t]  # (C, 56, 6)
-    before_v, before_a = m.before_velocity[t], _accelerations(tree, m.axes, a)[0][t]
-    body_v, body_a = m.velocity, _accelerations(tree, m.axes, a)[1]
+    # Mostly the feet touch something: leave out the coordinates that no contact depends on.
+    used = np.flatnonzero(tree.supports[np.unique(c.bodies[c.bodies >= 0])].any(axis=0))
+    relative = _relative(tree, m, c, (v, a), used)
+    for rate, spin in zip(relative.rate, relative.spin):
+        rate += spatial.skew(spin) @ relative.moved
 
-    jacobian = np.zeros((len(t), 3, nv))  # relative velocity of the second part, world axes
-    turn = np.zeros((len(t), 3, nv))  # relative angular velocity
-    moved = np.zeros((len(t), 3, nv))  # of the contact point
-    rate_v, rate_a = np.zeros((len(t), 3, nv)), np.zeros((len(t), 3, nv))
-    spin_v, spin_a = np.zeros((len(t), 3)), np.zeros((len(t), 3))
-    load = np.zeros((frames, len(tree.supports), 6))
-    for side, sign in ((0, -1.0), (1, 1.0)):
-        on = np.flatnonzero(c.bodies[:, side] >= 0)
-        b, at = c.bodies[on, side], t[on]
-        mask = tree.supports[b][:, :, None]  # (n, 56, 1)
-        axes = S[on] * mask
-        point = c.point[on]
-        center = point + lever[on, side][:, None] * R[on, 0]
-        velocity = axes[..., 3:] + spatial.cross(axes[..., :3], point[:, None])
-        jacobian[on] += sign * np.swapaxes(velocity, 1, 2)
-        turn[on] += sign * np.swapaxes(axes[..., :3], 1, 2)
-        moving = axes[..., 3:] + spatial.cross(axes[..., :3], center[:, None])
-        moved[on] += 0.5 * np.swapaxes(moving, 1, 2)
-        for rate, spin, body, before in (
-            (rate_v, spin_v, body_v, before_v),
-            (rate_a, spin_a, body_a, before_a),
-        ):
-            own = body[at, b]
-            change = spatial.motion_cross(axes, own[:, None] - before[on])
-            change = change[..., 3:] + spatial.cross(change[..., :3], point[:, None])
-            rate[on] += sign * np.swapaxes(change, 1, 2)
-            spin[on] += sign * own[:, :3]
-        moment = spatial.cross(point, world_force[on])
-        wrench = np.concatenate([moment, world_force[on]], axis=1)
-        np.add.at(load, (at, b), sign * wrench)
-    floor = (c.bodies < 0).any(axis=1)
-    # On the floor the point stays midway between the surfaces: it moves sideways with the part.
-    normal = R[:, 0]
-    along = np.einsum("ci,cik->ck", normal, moved)
-    share = np.where(floor, 2.0, 1.0)[:, None, None]
-    moved = share * moved - np.where(floor, 1.0, 0.0)[:, None, None] * (
-        normal[:, :, None] * along[:, None, :]
-    )
-    for rate, spin in ((rate_v, spin_v), (rate_a, spin_a)):
-        rate += spatial.skew(spin) @ moved
-
-    J = R @ jacobian  # (C, 3, 56)
+    J = R @ relative.velocity
     depth = J[:, :1]
+    rate_v, rate_a = relative.rate
     dy = R @ rate_a + c.drag[..., None] * (R @ rate_v) + c.pull[..., None] * depth
     by_q = (force * c.log_weight_slope[:, None])[..., None] * depth - stiffness @ dy
     by_v = -stiffness @ (c.drag[..., None] * J)
     by_a = -stiffness @ J
-    by_point = -spatial.skew(world_force) @ moved
-    out = [np.zeros((frames, nv, nv)) for _ in range(3)]
+    by_point = -spatial.skew(world_force) @ relative.moved
+    parts = np.concatenate([by_q, by_v, by_a], axis=-1)
+    n = len(used)
+    total = np.zeros((frames, n, 3 * n))
     ends = np.searchsorted(t, np.arange(frames + 1))
     for frame, (i, j) in enumerate(itertools.pairwise(ends)):
         if i < j:
-            lever_arm = J[i:j].reshape(-1, nv).T
-            out[0][frame] = lever_arm @ by_q[i:j].reshape(-1, nv)
-            out[0][frame] += turn[i:j].reshape(-1, nv).T @ by_point[i:j].reshape(-1, nv)
-            out[1][frame] = lever_arm @ by_v[i:j].reshape(-1, nv)
-            out[2][frame] = lever_arm @ by_a[i:j].reshape(-1, nv)
+            total[frame] = J[i:j].reshape(-1, n).T @ parts[i:j].reshape(-1, 3 * n)
+            total[frame, :, :n] += (
+                relative.turn[i:j].reshape(-1, n).T @ by_point[i:j].reshape(-1, n)
+            )
+    out = np.zeros((3, frames, nv, nv))
+    block = np.ix_(np.arange(frames), used, used)
+    for k in range(3):
+        out[k][block] = total[..., k * n : (k + 1) * n]
     # The axes that the forces work on move too.
+    load = np.zeros((frames, len(tree.supports), 6))
+    wrench = np.concatenate([spatial.cross(c.point, world_force), world_force], axis=1)
+    for side, sign in ((0, -1.0), (1, 1.0)):
+        on = c.bodies[:, side] >= 0
+        np.add.at(load, (t[on], c.bodies[on, side]), sign * wrench[on])
     below = tree.supports.T @ load
     out[0] += spatial.force_cross(m.axes, below) @ np.swapaxes(m.axes, 1, 2) * _earlier(tree)
     return out[0], out[1], out[2]
+
+
+def _relative(
+    tree: Tree, m: Motion, c: Contacts, velocities: tuple[Array, Array], used: Array
+) -> _Relative:
+    count, n = len(c.frames), len(used)
+    relative = _Relative(
+        *(np.zeros((count, 3, n)) for _ in range(3)),
+        np.zeros((2, count, 3)),
+        np.zeros((2, count, 3, n)),
+    )
+    own = [m.axes * x[..., None] for x in velocities]
+    before = [(tree.parents[used] @ x) for x in own]
+    bodies = [tree.supports @ x for x in own]
+    normal = c.frame[:, 0]
+    for side, sign in ((0, -1.0), (1, 1.0)):
+        on = np.flatnonzero(c.bodies[:, side] >= 0)
+        b, t = c.bodies[on, side], c.frames[on]
+        axes = m.axes[t][:, used] * tree.supports[b][:, used, None]  # (len(on), n, 6)
+        point = c.point[on][:, None]
+        center = point + c.lever[on, side][:, None, None] * normal[on][:, None]
+        relative.velocity[on] += sign * _at(axes, point)
+        relative.turn[on] += sign * np.swapaxes(axes[..., :3], 1, 2)
+        relative.moved[on] += 0.5 * _at(axes, center)
+        for i in range(2):
+            body = bodies[i][t, b]
+            change = spatial.motion_cross(axes, body[:, None] - before[i][t])
+            relative.rate[i][on] += sign * _at(change, point)
+            relative.spin[i][on] += sign * body[:, :3]
+    # On the floor the point stays midway between the surfaces: it moves sideways with the part.
+    floor = np.flatnonzero((c.bodies < 0).any(axis=1))
+    n_floor = normal[floor]
+    along = np.einsum("ci,cik->ck", n_floor, relative.moved[floor])
+    relative.moved[floor] = 2.0 * relative.moved[floor] - n_floor[:, :, None] * along[:, None]
+    return relative
+
+
+def _at(motions: Array, point: Array) -> Array:
+    """Velocities (C, 3, n) of points (C, 1, 3) under spatial motions (C, n, 6)."""
+    moving = spatial.cross(motions[..., :3], point)
+    moving += motions[..., 3:]
+    return np.swapaxes(moving, 1, 2)
 
 
 def _earlier(tree: Tree) -> Array:
@@ -235,9 +264,3 @@ def _earlier(tree: Tree) -> Array:
     earlier = tree.upto - np.eye(len(tree.upto))
     earlier[:3, :3] = 0.0
     return earlier
-
-
-def _accelerations(tree: Tree, axes: Array, a: Array) -> tuple[Array, Array]:
-    """J a of what each coordinate hangs on (T, 56, 6), and of the bodies (T, 22, 6)."""
-    own = axes * a[..., None]
-    return tree.parents @ own, tree.supports @ own

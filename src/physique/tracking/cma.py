@@ -72,13 +72,13 @@ def solve(
     if options.warm_start:
         start = fit_knots(matrix, nominal.control)
     search = cma.CMAEvolutionStrategy(start.ravel(), options.sigma, _settings(options))
-    best, lowest = start, _evaluate(problem, simulator, matrix, start[None])[0]
+    best, lowest = start, evaluate(problem, simulator, _controls(matrix, start[None]))[0]
     history = [lowest]
     status = "iterations"
     for iteration in range(1, options.iterations + 1):
         samples = search.ask()
         knots = np.reshape(samples, (len(samples), *start.shape))
-        cost = _evaluate(problem, simulator, matrix, knots)
+        cost = evaluate(problem, simulator, _controls(matrix, knots))
         search.tell(samples, cost.tolist())
         first = int(np.argmin(cost))
         if cost[first] < lowest:
@@ -117,9 +117,13 @@ def _settings(options: Options) -> dict[str, object]:
     }
 
 
-def _evaluate(problem: Problem, simulator: Simulator, matrix: Array, knots: Array) -> Array:
-    """E (B,) of samples knots (B, knots, 50)."""
-    control = np.einsum("tk,bkj->btj", matrix, knots)
+def _controls(matrix: Array, knots: Array) -> Array:
+    """Controls (B, N, 50) of samples knots (B, knots, 50)."""
+    return np.einsum("tk,bkj->btj", matrix, knots)
+
+
+def evaluate(problem: Problem, simulator: Simulator, control: Array) -> Array:
+    """E (B,) of open-loop controls (B, N, 50), rad; `DIVERGED` where the simulation blew up."""
     q, v, com, com_velocity, diverged = simulator.run_open_loop(problem.q0, problem.v0, control)
     with np.errstate(over="ignore", invalid="ignore"):
         cost = costs.total(problem.terms(q, v, com, com_velocity))

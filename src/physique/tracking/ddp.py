@@ -42,9 +42,9 @@ class Options:
         tried side by side to close the gaps of the nominal motion.
     """
 
-    iterations: int = 15
-    tolerance: float = 0.03
-    kink: float = 0.02
+    iterations: int = 20
+    tolerance: float = 0.02
+    kink: float = 0.01
     step_lengths: tuple[float, ...] = (1.0, 0.5, 0.25, 0.1, 0.03, 0.01)
     damping: float = 3.0
     start_dampings: tuple[float, ...] = (1.0, 10.0)
