@@ -1,13 +1,19 @@
-"""The fast optimiser against the paper's: cost E over simulated steps, on the same windows.
+"""The fast optimiser against the paper's and two rivals' samplers: cost E over simulated steps.
 
     python benchmarks/compare_optimizers.py                  # all, hours on one core
-    python benchmarks/compare_optimizers.py --budget 2000 --out out/bench  # a short look
+    python benchmarks/compare_optimizers.py --budget 2000 --rival-steps 400000 --out out/bench
+                                                             # a short look
     python benchmarks/compare_optimizers.py --only fast      # after a change to the fast one
+    python benchmarks/compare_optimizers.py --only cem --body heavy  # one rival, another body
     python benchmarks/compare_optimizers.py --only report    # tables and plot from stored results
+    python benchmarks/compare_optimizers.py --only report --merge FILE  # and from another file
+
+All start on the same windows, from the same state; `fast`, `cem` and `mppi` also from the same
+controls, the reference's (`samplers.py` has the rivals; the paper's own starts at zero).
 
 Results are stored after every window, and every few minutes within one, so that an interrupted
 run loses one search at most; searches that are already stored for the very same problem with the
-same budget are not run again. Writes benchmarks/results/compare_optimizers.json,
+same settings and budget are not run again. Writes benchmarks/results/compare_optimizers.json,
 docs/optimizers.md and docs/images/optimizers.png, under another folder with `--out FOLDER`.
 """
 
@@ -18,14 +24,14 @@ import hashlib
 import json
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
 
-from optimizers_report import write_report
+from optimizers_report import STEPS_PER_SIMULATION, write_report
 from physique.body.build import capsule_body
-from physique.body.named import named_body
+from physique.body.named import PEOPLE, named_body
 from physique.motion.read import read_motion
 from physique.simulation.character import Character, make_character
 from physique.simulation.quiet import quiet
@@ -34,16 +40,47 @@ from physique.simulation.simulator import Simulator
 from physique.tracking import cma, ddp
 from physique.tracking.problem import Problem, Solution, nominal_motion
 from physique.tracking.reference import make_reference
+from samplers import CemOptions, MppiOptions, annealed_mppi, incremental_cem
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = Path("benchmarks") / "results" / "compare_optimizers.json"
 MOCAP_KICK = ROOT.parent / "shared" / "mocap" / "cmu" / "bvh" / "135_04.bvh"
 HORIZON = 80  # steps: the paper's two windows of 0.4 s
+BODY = "average"
 TORQUE = 100.0  # Nm
 SAMPLES = 200
 #: The fast one stops by itself or before a fortieth of the paper's 16 million steps.
 FAST = ddp.Options(iterations=60, tolerance=0.001)
 CHECKPOINT = 120.0  # s between stores
+
+OnIteration = Callable[[int, float], None]
+
+
+@dataclass(frozen=True)
+class Optimizer:
+    """An entry of the comparison.
+
+    settings: of the stored entry; `budget` among them is what may only grow, all others must be
+    equal for a stored search to stand. solve: with these settings.
+    """
+
+    settings: dict[str, float]
+    solve: Callable[[Problem, Simulator, Rollout, OnIteration], Solution]
+
+
+def optimizers(budget: int, rival_steps: int) -> dict[str, Optimizer]:
+    """All that are compared. budget: simulations of the paper's; rival_steps: of each rival."""
+    paper = cma.Options(samples=SAMPLES, iterations=max(1, budget // SAMPLES))
+    cem, mppi = CemOptions(budget=rival_steps), MppiOptions(budget=rival_steps)
+    return {
+        "fast": Optimizer({}, lambda p, s, n, on: ddp.solve(p, s, n, FAST, on)),
+        "paper": Optimizer(
+            {"budget": budget, "sigma": paper.sigma, "seed": paper.seed},
+            lambda p, s, n, on: cma.solve(p, s, n, paper, on),
+        ),
+        "cem": Optimizer(asdict(cem), lambda p, s, n, on: incremental_cem(p, s, n, cem, on)),
+        "mppi": Optimizer(asdict(mppi), lambda p, s, n, on: annealed_mppi(p, s, n, mppi, on)),
+    }
 
 
 @dataclass(frozen=True)
@@ -88,42 +125,35 @@ def start_nominal(problem: Problem) -> Rollout:
     return nominal_motion(problem, target.q, target.v, target.q[1:, 7:])
 
 
-def run_fast(problem: Problem, threads: int, store: Callable[[dict], None]) -> None:
-    """The curve of the fast optimiser."""
+def run(
+    optimizer: Optimizer, problem: Problem, threads: int, store: Callable[[dict], None]
+) -> None:
+    """The curve of an optimiser."""
     with Simulator(problem.character, threads) as simulator:
-        curve: list[tuple[int, float]] = []
-        begin = time.perf_counter()
-        solution = ddp.solve(
-            problem, simulator, start_nominal(problem), FAST,
-            lambda _, cost: curve.append((simulator.steps, cost)),
-        )  # fmt: skip
-        store(_entry(curve, solution, time.perf_counter() - begin, {}))
-
-
-def run_paper(problem: Problem, threads: int, budget: int, store: Callable[[dict], None]) -> None:
-    """The curve of the paper's optimiser over `budget` simulations."""
-    options = cma.Options(samples=SAMPLES, iterations=max(1, budget // SAMPLES))
-    settings = {"budget": budget, "sigma": options.sigma, "seed": options.seed}
-    with Simulator(problem.character, threads) as simulator:
-        curve: list[tuple[int, float]] = []
+        curve: list[tuple[int, float, float]] = []
         begin = last = time.perf_counter()
 
         def on_iteration(iteration: int, cost: float) -> None:
             nonlocal last
-            curve.append((simulator.steps, cost))
-            if time.perf_counter() - last > CHECKPOINT:
-                last = time.perf_counter()
-                store(_entry(curve, None, last - begin, settings))
-                print(f"    {iteration * SAMPLES} simulations, E {cost:.3f}", flush=True)
+            now = time.perf_counter()
+            curve.append((simulator.steps, cost, now - begin))
+            if now - last > CHECKPOINT:
+                last = now
+                store(_entry(curve, None, now - begin, optimizer.settings))
+                print(f"    {simulator.steps / 1e6:.2f} M steps, E {cost:.3f}", flush=True)
 
-        solution = cma.solve(
-            problem, simulator, start_nominal(problem), options, on_iteration
-        )  # fmt: skip
-        store(_entry(curve, solution, time.perf_counter() - begin, settings))
+        solution = optimizer.solve(problem, simulator, start_nominal(problem), on_iteration)
+        seconds = time.perf_counter() - begin
+        if not curve:  # the budget ended before the first iteration
+            curve.append((solution.steps, solution.cost, seconds))
+        store(_entry(curve, solution, seconds, optimizer.settings))
 
 
 def _entry(
-    curve: list[tuple[int, float]], solution: Solution | None, seconds: float, settings: dict
+    curve: list[tuple[int, float, float]],
+    solution: Solution | None,
+    seconds: float,
+    settings: dict[str, float],
 ) -> dict:
     every = max(1, len(curve) // 250)
     kept = curve[::every] + (curve[-1:] if (len(curve) - 1) % every else [])
@@ -131,8 +161,9 @@ def _entry(
         **settings,
         "done": solution is not None,
         "status": solution.status if solution else "running",
-        "steps": [steps for steps, _ in kept],
-        "cost": [float(f"{cost:.6g}") for _, cost in kept],
+        "steps": [steps for steps, _, _ in kept],
+        "cost": [float(f"{cost:.6g}") for _, cost, _ in kept],
+        "times": [round(time, 1) for _, _, time in kept],
         "final_cost": float(f"{solution.cost if solution else curve[-1][1]:.6g}"),
         "final_steps": curve[-1][0],
         "seconds": round(seconds, 1),
@@ -155,17 +186,41 @@ def save(results: dict, out: Path) -> None:
     partial.replace(path)
 
 
+def merge(results: dict, other: dict) -> None:
+    """Take the entries of `other` into `results`, but no unfinished one for a finished one."""
+    for key, row in other["windows"].items():
+        mine = results["windows"].setdefault(key, {})
+        for name, value in row.items():
+            known = mine.get(name)
+            if isinstance(value, dict) and isinstance(known, dict):
+                same = known["problem"] == value["problem"]
+                if same and known["done"] and not value["done"]:
+                    continue
+            mine[name] = value
+
+
 def main() -> None:
     """Run what is missing, then write the report."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--budget", type=int, default=200_000, help="simulations of the paper's")
+    parser.add_argument(
+        "--rival-steps", type=int, help="simulated steps of each rival; a tenth of the paper's"
+    )
     parser.add_argument("--threads", type=int, default=1)
-    parser.add_argument("--only", choices=("fast", "paper", "report"))
+    parser.add_argument("--only", choices=(*optimizers(1, 1), "report"))
     parser.add_argument("--window", help="only the window of this name")
+    parser.add_argument("--body", default=BODY, choices=PEOPLE, help="a ready body")
+    parser.add_argument("--merge", type=Path, help="take the results of this file too")
     parser.add_argument("--out", type=Path, default=ROOT, help="write under this folder")
     arguments = parser.parse_args()
+    if arguments.rival_steps is None:
+        arguments.rival_steps = arguments.budget * STEPS_PER_SIMULATION // 10
+    if arguments.merge:
+        results = load(arguments.out)
+        merge(results, json.loads(arguments.merge.read_text(encoding="utf-8")))
+        save(results, arguments.out)
     if arguments.only != "report":
-        character = make_character(capsule_body(named_body("average")), TORQUE)
+        character = make_character(capsule_body(named_body(arguments.body)), TORQUE)
         with quiet():
             for window in windows():
                 if arguments.window in (None, window.name):
@@ -174,32 +229,44 @@ def main() -> None:
 
 
 def measure(character: Character, window: Window, arguments: argparse.Namespace) -> None:
-    """Run both optimisers on one window, unless they are stored already."""
+    """Run the optimisers on one window, unless they are stored already."""
     problem = make_problem(character, window)
     mark = fingerprint(problem)
+    key = result_key(window, arguments.body)
     clip = window.clip if "/" not in window.clip else Path(window.clip).name
+    for name, optimizer in optimizers(arguments.budget, arguments.rival_steps).items():
+        if arguments.only not in (None, name):
+            continue
+        if stands(load(arguments.out)["windows"].get(key, {}).get(name), mark, optimizer):
+            print(f"{key}: {name}, stored already", flush=True)
+            continue
 
-    def store(optimizer: str) -> Callable[[dict], None]:
-        def write(entry: dict) -> None:
+        def store(entry: dict, name: str = name) -> None:
             results = load(arguments.out)  # another process may have written another window
-            row = results["windows"].setdefault(window.name, {})
-            row.update(clip=clip, start=window.start)
-            row[optimizer] = {"problem": mark, **entry}
+            row = results["windows"].setdefault(key, {})
+            row.update(clip=clip, start=window.start, body=arguments.body)
+            row[name] = {"problem": mark, **entry}
             save(results, arguments.out)
 
-        return write
+        budget = optimizer.settings.get("budget")
+        print(f"{key}: {name}" + (f", budget {budget:,}" if budget else ""), flush=True)
+        run(optimizer, problem, arguments.threads, store)
 
-    if arguments.only != "paper":
-        print(f"{window.name}: fast", flush=True)
-        run_fast(problem, arguments.threads, store("fast"))
-    if arguments.only != "fast":
-        known = load(arguments.out)["windows"].get(window.name, {}).get("paper", {})
-        same = known.get("problem") == mark and known.get("done")
-        if same and known["budget"] >= arguments.budget:
-            print(f"{window.name}: paper, stored already", flush=True)
-            return
-        print(f"{window.name}: paper, {arguments.budget} simulations", flush=True)
-        run_paper(problem, arguments.threads, arguments.budget, store("paper"))
+
+def result_key(window: Window, body: str) -> str:
+    """Where a window's results are stored: the plain name for the average body."""
+    return window.name if body == BODY else f"{window.name}, {body}"
+
+
+def stands(known: dict | None, mark: str, optimizer: Optimizer) -> bool:
+    """Whether a stored entry need not be measured again. The fast one always is: it is quick,
+    and its code changes."""
+    if not optimizer.settings or not known or known["problem"] != mark or not known["done"]:
+        return False
+    others = [name for name in optimizer.settings if name != "budget"]
+    return known["budget"] >= optimizer.settings["budget"] and all(
+        known.get(name) == optimizer.settings[name] for name in others
+    )
 
 
 if __name__ == "__main__":

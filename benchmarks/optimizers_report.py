@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import matplotlib as mpl
@@ -10,28 +11,59 @@ import numpy as np
 mpl.use("Agg")
 import matplotlib.pyplot as plt
 
-MARKS = (1_000, 10_000, 50_000, 100_000, 200_000)  # simulations
 STEPS_PER_SIMULATION = 81
+MARKS = (10_000, 100_000, 400_000, 1_000_000, 1_600_000, 4_000_000, 8_000_000, 16_000_000)  # steps
 
-TEXT = """# Two optimisers, one cost
 
-`paper` is the optimiser of the paper (section 3.2): CMA-ES with 200 samples an iteration on the
-knots of a cubic B-spline, 6 knots for each 0.4 s, started at zero. `fast`, the default, is
-iterative LQR with derivatives of the simulator. Both minimise the same E (Eq. 2, the paper's
-weights) on the same problem: 0.8 s of a clip, the average body, 100 Nm at every joint, from the
-reference's own state at the start of the window. The price is counted in simulated steps; for
-`fast` every evaluation of the dynamics for a finite difference counts as one step.
+@dataclass(frozen=True)
+class Look:
+    """How an optimiser is drawn: colours of Okabe and Ito, and a dash of its own."""
+
+    color: str
+    dash: str
+    width: float = 1.8
+
+
+LOOKS = {
+    "fast": Look("#0072B2", "-", 2.4),
+    "paper": Look("#D55E00", "--"),
+    "cem": Look("#009E73", "-."),
+    "mppi": Look("#CC79A7", ":", 2.4),
+}
+OTHER = Look("#000000", "-", 1.0)
+
+TEXT = """# Optimisers on one cost
+
+All minimise the same E (Eq. 2, the paper's weights) on the same problem: 0.8 s of a clip, 100 Nm at
+every joint, from the reference's own state at the start of the window. The price is counted in
+simulated steps. For `fast` the derivatives of a step, in closed form, count as one step more; what
+they take beyond that shows in the seconds.
+
+- `fast`, the default: iterative LQR with derivatives of the simulator.
+- `paper`: the optimiser of the paper (section 3.2), CMA-ES with 200 samples an iteration on the
+  knots of a cubic B-spline, 6 knots for each 0.4 s, started at zero.
+- `cem`: the sampler of DynaRetarget (arXiv 2602.06827), the cross-entropy method on a horizon that
+  grows knot by knot: 1024 samples, 4 % elite, a knot every 0.25 s, started at the reference.
+- `mppi`: the sampler of SPIDER (arXiv 2511.09484), an average of noisy controls with ever less
+  noise: 2048 samples, the best 10 % weighted by a softmax, a knot every 0.1 s, rounds of 16
+  iterations, started at the reference.
+
+The last two are written anew from these parameters (`benchmarks/samplers.py` says what they leave
+open and what we chose); they are not their authors' code, and only the sampler is compared.
 
 {table}
 
-![E over simulated steps](images/optimizers.png)
+![E over simulated steps and over seconds](images/optimizers.png)
 
-How `paper` comes down:
+Above over simulated steps, below over seconds on one thread of a shared machine. A filled end: the
+search was finished; an open end: it was not.
+
+E after so many simulated steps:
 
 {progress}
 
-`python benchmarks/compare_optimizers.py` measures this again (hours on one core; `--budget 2000`
-for a short look), `--only fast` only the fast one.
+`python benchmarks/compare_optimizers.py` measures this again (hours on one core; `--budget 2000
+--rival-steps 400000 --out out/bench` for a short look), `--only fast` only the fast one.
 """
 
 
@@ -45,80 +77,128 @@ def write_report(results: dict, docs: Path) -> None:
     _plot(rows, docs / "images" / "optimizers.png")
 
 
+def entries(row: dict) -> dict[str, dict]:
+    """The optimisers that were run on a window, the known ones first."""
+    found = [name for name, value in row.items() if isinstance(value, dict)]
+    order = [*(name for name in LOOKS if name in found), *(n for n in found if n not in LOOKS)]
+    return {name: row[name] for name in order}
+
+
+def _body(row: dict) -> str:
+    return row.get("body", "average")  # results from before there was a choice
+
+
 def _table(rows: dict) -> str:
     lines = [
-        "| window | E fast | steps fast | E paper | steps paper | paper / fast in steps "
-        "| steps fast needs to reach E paper |",
+        "| window | body | optimiser | E | simulated steps | seconds | `fast` needs for this E |",
         "| --- | --- | --- | --- | --- | --- | --- |",
     ]
     stale = False
-    for name, row in rows.items():
-        fast, paper = row.get("fast"), row.get("paper")
-        label = f"{name} ({row['clip']} from {row['start']} s)"
-        if fast is None or paper is None:
-            lines.append(f"| {label} | {_cost(fast)} | {_steps(fast)} "
-                         f"| {_cost(paper)} | {_steps(paper)} | | |")  # fmt: skip
-            continue
-        stale |= fast["problem"] != paper["problem"]
-        reached = [s for s, c in zip(fast["steps"], fast["cost"]) if c <= paper["final_cost"]]
-        need = f"{reached[0] / 1e6:.2f} M" if reached else "not reached"
-        bold = "**" if fast["final_cost"] <= paper["final_cost"] else ""
-        note = "" if fast["problem"] == paper["problem"] else r" \*"
-        lines.append(
-            f"| {label}{note} "
-            f"| {bold}{_cost(fast)}{bold} | {_steps(fast)} | {_cost(paper)} | {_steps(paper)} "
-            f"| {paper['final_steps'] / fast['final_steps']:.0f} | {need} |"
-        )
+    for key, row in rows.items():
+        found = entries(row)
+        fast = found.get("fast")
+        lowest = min((entry["final_cost"] for entry in found.values()), default=0.0)
+        label = f"{_window(key, row)} ({row['clip']} from {row['start']} s)"
+        differs = len({entry["problem"] for entry in found.values()}) > 1
+        stale |= differs
+        note = r" \*" if differs else ""
+        for name, entry in found.items():
+            bold = "**" if entry["final_cost"] == lowest else ""
+            lines.append(
+                f"| {label} | {_body(row)} | {name}{note} "
+                f"| {bold}{entry['final_cost']:.2f}{bold} | {_steps(entry)} "
+                f"| {entry['seconds']:.0f} | {_need(fast, entry)} |"
+            )
     if stale:
-        lines.append("\n\\* the two were measured on different versions of the body model.")
-    if any(not row.get("paper", {}).get("done", True) for row in rows.values()):
-        lines.append('\nA search marked "so far" had not used up its simulations.')
+        lines.append(
+            "\n\\* on this window not all were measured on the same version of the body model."
+        )
+    if any(not entry["done"] for row in rows.values() for entry in entries(row).values()):
+        lines.append('\nA search marked "so far" had not used up its budget.')
     return "\n".join(lines)
 
 
-def _cost(entry: dict | None) -> str:
-    return f"{entry['final_cost']:.2f}" if entry else "not run"
+def _window(key: str, row: dict) -> str:
+    return key.removesuffix(f", {_body(row)}")
 
 
-def _steps(entry: dict | None) -> str:
-    if not entry:
+def _steps(entry: dict) -> str:
+    steps = f"{entry['final_steps'] / 1e6:.3g} M"
+    if entry["done"]:
+        return steps
+    return f"{steps}, so far ({entry['final_steps'] // STEPS_PER_SIMULATION:,} simulations)"
+
+
+def _need(fast: dict | None, entry: dict) -> str:
+    if fast is None or entry is fast:
         return ""
-    return f"{entry['final_steps'] / 1e6:.2f} M" + ("" if entry["done"] else ", so far")
+    reached = [s for s, c in zip(fast["steps"], fast["cost"]) if c <= entry["final_cost"]]
+    return f"{reached[0] / 1e6:.3g} M steps" if reached else "not reached"
 
 
 def _progress(rows: dict) -> str:
+    longest = max((e["final_steps"] for r in rows.values() for e in entries(r).values()), default=0)
+    marks = [mark for mark in MARKS if mark <= 1.02 * longest]
     lines = [
-        "| window | " + " | ".join(f"{m:,} simulations" for m in MARKS) + " |",
-        "| --- " * (len(MARKS) + 1) + "|",
+        "| window | body | optimiser | " + " | ".join(f"{m / 1e6:g} M" for m in marks) + " |",
+        "| --- " * (len(marks) + 3) + "|",
     ]
-    for name, row in rows.items():
-        if "paper" not in row:
-            continue
-        steps, cost = np.array(row["paper"]["steps"]), np.array(row["paper"]["cost"])
-        cells = []
-        for mark in MARKS:
-            until = steps <= 1.01 * mark * STEPS_PER_SIMULATION
-            there = steps[-1] >= 0.99 * mark * STEPS_PER_SIMULATION
-            cells.append(f"{cost[until][-1]:.2f}" if there and until.any() else "")
-        lines.append(f"| {name} | " + " | ".join(cells) + " |")
+    for key, row in rows.items():
+        for name, entry in entries(row).items():
+            cells = " | ".join(_cost_at(entry, mark) for mark in marks)
+            lines.append(f"| {_window(key, row)} | {_body(row)} | {name} | {cells} |")
     return "\n".join(lines)
 
 
+def _cost_at(entry: dict, mark: int) -> str:
+    """E after `mark` steps; empty where a budget ended before. Who stops by himself, stays."""
+    steps, cost = np.array(entry["steps"]), np.array(entry["cost"])
+    until = steps <= 1.01 * mark
+    ended = entry["final_steps"] < 0.98 * mark
+    if not until.any() or (ended and (not entry["done"] or "budget" in entry)):
+        return ""
+    return f"{cost[until][-1]:.2f}"
+
+
+def _seconds(entry: dict) -> np.ndarray:
+    """Seconds at each point of the curve; results from before these were stored are spread evenly,
+    as the time of a step hardly changes."""
+    if "times" in entry:
+        return np.array(entry["times"])
+    return np.array(entry["steps"]) / entry["final_steps"] * entry["seconds"]
+
+
 def _plot(rows: dict, path: Path) -> None:
+    columns = max(1, len(rows))
     figure, axes = plt.subplots(
-        1, max(1, len(rows)), figsize=(3.6 * max(1, len(rows)), 3.4), sharex=True, sharey=True,
+        2, columns, figsize=(3.6 * columns, 6.4), sharex="row", sharey=True,
         squeeze=False, layout="constrained",
     )  # fmt: skip
-    for axis, (name, row) in zip(axes[0], rows.items()):
-        for optimizer, color in (("paper", "#b5533c"), ("fast", "#2f6f9f")):
-            if optimizer in row:
-                entry = row[optimizer]
-                axis.plot(entry["steps"], entry["cost"], color=color, label=optimizer, lw=1.8)
-                axis.plot(entry["steps"][-1], entry["cost"][-1], "o", color=color, ms=4)
-        axis.set(xscale="log", yscale="log", title=name, xlabel="simulated steps",
-                 xlim=(1e4, 3e7))  # fmt: skip
-        axis.grid(alpha=0.3, which="both", lw=0.4)
-        axis.legend(frameon=False)
-    axes[0, 0].set_ylabel("E (Eq. 2)")
+    for (above, below), (key, row) in zip(axes.T, rows.items()):
+        body = _body(row)
+        above.set_title(key if body == "average" else f"{_window(key, row)}, {body}")
+        for name, entry in entries(row).items():
+            _draw(above, np.array(entry["steps"]), entry, name)
+            _draw(below, np.maximum(_seconds(entry), 0.05), entry, name)
+        above.set_xlabel("simulated steps")
+        below.set_xlabel("seconds, one thread")
+    for axis in axes.flat:
+        axis.set(xscale="log", yscale="log")
+        axis.grid(alpha=0.3, which="major", lw=0.4)
+    for axis in axes[:, 0]:
+        axis.set_ylabel("E (Eq. 2)")
+    handles = {label: handle for axis in axes[0]
+               for handle, label in zip(*axis.get_legend_handles_labels())}  # fmt: skip
+    if handles:
+        names = [*(n for n in LOOKS if n in handles), *(n for n in handles if n not in LOOKS)]
+        figure.legend([handles[n] for n in names], names, loc="outside upper center",
+                      ncols=len(names), frameon=False)  # fmt: skip
     figure.savefig(path, dpi=130)
     plt.close(figure)
+
+
+def _draw(axis: plt.Axes, x: np.ndarray, entry: dict, name: str) -> None:
+    look = LOOKS.get(name, OTHER)
+    axis.plot(x, entry["cost"], look.dash, color=look.color, lw=look.width, label=name)
+    axis.plot(x[-1], entry["cost"][-1], "o", color=look.color, ms=6, zorder=3,
+              markerfacecolor=look.color if entry["done"] else "white")  # fmt: skip

@@ -1,6 +1,6 @@
 """Whole clips on several bodies: error, success and price, as the table of docs/results.md.
 
-    make bench            every row, about ten minutes on two cores
+    make bench            every row, about half an hour on two cores
     benchmarks/run.py --only walk --body average
 
 Rows of which the motion file is not at hand (../shared/mocap) are left out and named.
@@ -18,6 +18,8 @@ import physique
 
 ROOT = Path(__file__).resolve().parent.parent
 CMU = ROOT.parent / "shared" / "mocap" / "cmu"
+LIBRARY = ("run", "jump", "dance_a", "spin", "kick", "spinkick", "crawl", "roll", "getup_faceup",
+           "getup_facedown", "cartwheel", "backflip")  # fmt: skip
 #: Name -> clip, options of the reading, bodies, torque limits.
 ROWS: dict[str, tuple[str | Path, dict[str, Any], tuple[str, ...], tuple[Any, ...]]] = {
     "walk": ("walk", {}, ("average", "thin", "heavy"), ("body",)),
@@ -28,6 +30,7 @@ ROWS: dict[str, tuple[str | Path, dict[str, Any], tuple[str, ...], tuple[Any, ..
         ("average", "thin", "heavy"),
         ("body",),
     ),
+    "salsa 60_01, whole": (CMU / "bvh/60_01.bvh", {"fps": 60}, ("average",), ("body",)),
     "walk 02_01": (CMU / "asfamc/02/02_01.amc", {}, ("average",), ("body",)),
     "slow walk 07_04": (CMU / "asfamc/07/07_04.amc", {}, ("average",), ("body",)),
     "front kick 135_04, 2 to 6 s": (
@@ -36,11 +39,13 @@ ROWS: dict[str, tuple[str | Path, dict[str, Any], tuple[str, ...], tuple[Any, ..
         ("average",),
         ("body", 100.0),
     ),
+    "front kick 135_04, whole": (CMU / "bvh/135_04.bvh", {}, ("average",), ("body", 100.0)),
+    **{name: (name, {}, ("average",), ("body",)) for name in LIBRARY},
 }
 HEAD = (
     "| clip | body | limits | followed | error, mean mm | worst frame | foot skate mm/s (source) "
-    "| penetration mm | million steps/s | compute s/s |\n| --- | --- | --- | --- | --- | --- | --- "
-    "| --- | --- | --- |\n"
+    "| penetration mm | thousand steps/s | compute s/s |\n| --- | --- | --- | --- | --- | --- "
+    "| --- | --- | --- | --- |\n"
 )
 
 
@@ -70,7 +75,7 @@ def main() -> None:
                     f"| {'yes' if m['success'] else 'no'} | {m['mpjpe_mm']:.1f} "
                     f"| {m['mpjpe_max_mm']:.0f} | {m['foot_skate_mm_per_s']:.0f} "
                     f"({m['foot_skate_source_mm_per_s']:.0f}) | {m['penetration_mm']:.1f} "
-                    f"| {m['sim_steps_per_motion_s'] / 1e6:.2f} "
+                    f"| {m['sim_steps_per_motion_s'] / 1e3:.0f} "
                     f"| {m['wall_s_per_motion_s']:.1f} |\n"
                 )
                 print(line, end="", flush=True)

@@ -24,6 +24,7 @@ from physique.simulation import spatial
 from physique.simulation.smooth import Motion, Tree
 
 Array = NDArray[np.float64]
+Index = NDArray[np.intp]
 
 
 @dataclass(frozen=True)
@@ -199,8 +200,8 @@ def derivatives(
     for frame, (i, j) in enumerate(itertools.pairwise(ends)):
         if i < j:
             total[frame] = J[i:j].reshape(-1, n).T @ parts[i:j].reshape(-1, 3 * n)
-            total[frame, :, :n] += (
-                relative.turn[i:j].reshape(-1, n).T @ by_point[i:j].reshape(-1, n)
+            total[frame, :, :n] += relative.turn[i:j].reshape(-1, n).T @ by_point[i:j].reshape(
+                -1, n
             )
     out = np.zeros((3, frames, nv, nv))
     block = np.ix_(np.arange(frames), used, used)
@@ -218,13 +219,15 @@ def derivatives(
 
 
 def _relative(
-    tree: Tree, m: Motion, c: Contacts, velocities: tuple[Array, Array], used: Array
+    tree: Tree, m: Motion, c: Contacts, velocities: tuple[Array, Array], used: Index
 ) -> _Relative:
     count, n = len(c.frames), len(used)
     relative = _Relative(
-        *(np.zeros((count, 3, n)) for _ in range(3)),
-        np.zeros((2, count, 3)),
-        np.zeros((2, count, 3, n)),
+        velocity=np.zeros((count, 3, n)),
+        turn=np.zeros((count, 3, n)),
+        moved=np.zeros((count, 3, n)),
+        spin=np.zeros((2, count, 3)),
+        rate=np.zeros((2, count, 3, n)),
     )
     own = [m.axes * x[..., None] for x in velocities]
     before = [(tree.parents[used] @ x) for x in own]

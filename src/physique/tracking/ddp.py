@@ -37,7 +37,10 @@ class Options:
     """Settings of the optimiser.
 
     iterations: at most. tolerance: stop when the model promises less than this fraction of E.
-    kink: rad, where Eq. 7's model is rounded off. step_lengths: of the line search, in pairs.
+    kink: rad, where Eq. 7's model is rounded off; first_kink: while the gaps of the nominal motion
+        are closed. An orientation held tightly from the start leaves a motion that is far off no
+        way to get nearer (E 6.3 instead of 0.6 on a window of the walk).
+    step_lengths: of the line search, in pairs.
     damping: of the controls, at the start, its least and its greatest value; start_dampings are
         tried side by side to close the gaps of the nominal motion.
     """
@@ -45,6 +48,7 @@ class Options:
     iterations: int = 20
     tolerance: float = 0.02
     kink: float = 0.01
+    first_kink: float = 0.3
     step_lengths: tuple[float, ...] = (1.0, 0.5, 0.25, 0.1, 0.03, 0.01)
     damping: float = 3.0
     start_dampings: tuple[float, ...] = (1.0, 10.0)
@@ -79,7 +83,7 @@ def solve(
     """
     before = simulator.steps
     history: list[float] = []
-    about_nominal = _expand(problem, simulator, nominal, options.kink)
+    about_nominal = _expand(problem, simulator, nominal, options.first_kink)
     best, cost = _close_gaps(problem, simulator, nominal, about_nominal, options)
     history.append(cost)
     if not np.isfinite(cost):
