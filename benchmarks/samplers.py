@@ -12,7 +12,7 @@ receding windows, domain randomisation): it is their sampler that is measured, o
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 from physique.errors import InputError
 from physique.simulation.rollout import Rollout
 from physique.simulation.simulator import Simulator
-from physique.tracking.cma import DIVERGED, evaluate
-from physique.tracking.costs import Target
+from physique.tracking.cma import DIVERGED, evaluate, sampled_solution
 from physique.tracking.problem import Problem, Solution
 from physique.tracking.spline import DEGREE, fit_knots, knot_matrix
 
@@ -148,7 +147,7 @@ def incremental_cem(
     best = _Best(problem, simulator, options.budget, on_iteration, matrix @ mean)
     count = max(1, round(options.elite * options.samples))
     for steps in _stages(problem, options.spacing):
-        part = _beginning(problem, steps)
+        part = problem.beginning(steps)
         whole = steps == problem.steps
         moving = np.any(matrix[:steps] > 0, axis=0)
         lows: list[float] = []
@@ -247,16 +246,8 @@ class _Best:
 
     def solution(self, status: str) -> Solution:
         """The best controls, run once more for the states."""
-        control = self.control
-        rollout = self._simulator.run(
-            self._problem.q0, self._problem.v0, self._problem.steps, [lambda t, q, v: control[t]]
-        )[0]  # fmt: skip
-        return Solution(
-            rollout=rollout,
-            cost=self._problem.cost(rollout),
-            history=tuple(c if c < DIVERGED else float("inf") for c in self.history),
-            steps=self._simulator.steps - self._before,
-            status="every sample diverged" if self.lowest >= DIVERGED else status,
+        return sampled_solution(
+            self._problem, self._simulator, self.control, self.history, self._before, status
         )
 
 
@@ -284,13 +275,6 @@ def _stages(problem: Problem, spacing: float) -> list[int]:
     """Where the horizon ends, in steps: after each interval, at last with the window."""
     every = _every(problem, spacing)
     return [*range(every, problem.steps, every), problem.steps]
-
-
-def _beginning(problem: Problem, steps: int) -> Problem:
-    """The problem of the first `steps` controls alone."""
-    target = problem.target
-    cut = Target(*(a[: steps + 1] for a in (target.q, target.v, target.com, target.com_velocity)))
-    return replace(problem, target=cut)
 
 
 def _evaluate(

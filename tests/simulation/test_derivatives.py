@@ -6,11 +6,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from physique.body.build import capsule_body
-from physique.body.named import named_body
 from physique.motion.read import read_motion
 from physique.simulation import contact, smooth, spatial
-from physique.simulation.character import Character, make_character
+from physique.simulation.character import Character
 from physique.simulation.state import integrate
 from physique.tracking.reference import make_reference
 
@@ -90,9 +88,8 @@ def test_feet_on_the_floor(character: Character, moments: list) -> None:
 
 
 @pytest.mark.parametrize("lift", [0.0, 0.4])
-def test_parts_of_the_body_against_each_other(lift: float) -> None:
+def test_parts_of_the_body_against_each_other(character: Character, lift: float) -> None:
     # Velocities and accelerations are exact; of positions the turn of the normal is left out.
-    character = make_character(capsule_body(named_body("average")), 100.0)
     reference = make_reference(read_motion("punch"), character)
     seen = 0
     for t in range(0, 200, 20):

@@ -214,7 +214,7 @@ def derivatives(
         on = c.bodies[:, side] >= 0
         np.add.at(load, (t[on], c.bodies[on, side]), sign * wrench[on])
     below = tree.supports.T @ load
-    out[0] += spatial.force_cross(m.axes, below) @ np.swapaxes(m.axes, 1, 2) * _earlier(tree)
+    out[0] += spatial.force_cross(m.axes, below) @ np.swapaxes(m.axes, 1, 2) * tree.turned_by
     return out[0], out[1], out[2]
 
 
@@ -231,7 +231,7 @@ def _relative(
     )
     own = [m.axes * x[..., None] for x in velocities]
     before = [(tree.parents[used] @ x) for x in own]
-    bodies = [tree.supports @ x for x in own]
+    bodies = (m.velocity, tree.supports @ own[1])
     normal = c.frame[:, 0]
     for side, sign in ((0, -1.0), (1, 1.0)):
         on = np.flatnonzero(c.bodies[:, side] >= 0)
@@ -260,10 +260,3 @@ def _at(motions: Array, point: Array) -> Array:
     moving = spatial.cross(motions[..., :3], point)
     moving += motions[..., 3:]
     return np.swapaxes(moving, 1, 2)
-
-
-def _earlier(tree: Tree) -> Array:
-    """(56, 56): 1 where the column's joint turns the row's axis."""
-    earlier = tree.upto - np.eye(len(tree.upto))
-    earlier[:3, :3] = 0.0
-    return earlier

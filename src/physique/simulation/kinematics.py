@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import mujoco
@@ -28,7 +29,6 @@ class Poses:
 def poses(character: Character, q: Array) -> Poses:
     """Kinematics of q (T, 57)."""
     model = character.model
-    data = mujoco.MjData(model)
     frames = len(q)
     out = Poses(
         joints=np.empty((frames, 22, 3)),
@@ -38,10 +38,7 @@ def poses(character: Character, q: Array) -> Poses:
     )
     pelvis = int(character.joint_bodies[0])
     standing = np.flatnonzero(model.geom_conaffinity & model.geom_contype[0])
-    for t in range(frames):
-        data.qpos[:] = q[t]
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
+    for t, data in _posed(character, q):
         mujoco.mj_jacSubtreeCom(model, data, out.com_jacobian[t], pelvis)
         out.joints[t] = data.xpos[character.joint_bodies]
         out.com[t] = data.subtree_com[pelvis]
@@ -51,15 +48,21 @@ def poses(character: Character, q: Array) -> Poses:
 
 def com_jacobian(character: Character, q: Array) -> Array:
     """d com / d q (T, 3, 56), in the tangent of q (T, 57)."""
-    data = mujoco.MjData(character.model)
     pelvis = int(character.joint_bodies[0])
     out = np.empty((len(q), 3, character.model.nv))
+    for t, data in _posed(character, q):
+        mujoco.mj_jacSubtreeCom(character.model, data, out[t], pelvis)
+    return out
+
+
+def _posed(character: Character, q: Array) -> Iterator[tuple[int, mujoco.MjData]]:
+    """Each frame of q (T, 57) with MuJoCo's kinematics of it, in the same memory."""
+    data = mujoco.MjData(character.model)
     for t in range(len(q)):
         data.qpos[:] = q[t]
         mujoco.mj_kinematics(character.model, data)
         mujoco.mj_comPos(character.model, data)
-        mujoco.mj_jacSubtreeCom(character.model, data, out[t], pelvis)
-    return out
+        yield t, data
 
 
 def com_velocity(com_jacobian: Array, v: Array) -> Array:

@@ -188,11 +188,7 @@ def _differentiate(
 
 def _right_jacobian(w: Array) -> Array:
     """Right Jacobians (..., 3, 3) of the exponential map at small rotation vectors w (..., 3)."""
-    x, y, z = np.moveaxis(w, -1, 0)
-    zero = np.zeros_like(x)
-    S = np.stack(
-        [np.stack([zero, -z, y], -1), np.stack([z, zero, -x], -1), np.stack([-y, x, zero], -1)], -2
-    )
+    S = spatial.skew(w)
     angle = np.linalg.norm(w, axis=-1)[..., None, None]
     safe = np.where(angle > 1e-4, angle, 1.0)
     first = np.where(angle > 1e-4, (1 - np.cos(safe)) / safe**2, 0.5)

@@ -46,7 +46,7 @@ def within_limits(character: Character, control: Array, q: Array, v: Array) -> A
     """
     offset = control - q[..., 7:]
     damping = character.damping * v[..., 6:]
-    limit = _limit(character)
+    limit = usable_limit(character)
     torque = character.stiffness * offset - damping
     return q[..., 7:] + (np.clip(torque, -limit, limit) + damping) / character.stiffness
 
@@ -57,7 +57,8 @@ def pd_torque(character: Character, control: Array, q: Array, v: Array) -> Array
     return np.clip(torque, -character.torque_limit, character.torque_limit)
 
 
-def _limit(character: Character) -> Array:
+def usable_limit(character: Character) -> Array:
+    """Torques (50,), Nm, just inside the limits: there a target still has its derivative."""
     return character.torque_limit * (1.0 - 1e-6)
 
 
@@ -72,7 +73,7 @@ class Feedback:
         self._q, self._v, self._control, self._gain = q, v, control, gain
         self._away = np.empty(2 * character.model.nv)
         self._lag = character.damping / character.stiffness
-        self._reach = _limit(character) / character.stiffness
+        self._reach = usable_limit(character) / character.stiffness
 
     def __call__(self, t: int, q: Array, v: Array) -> Array:
         """Targets (50,) at step t in the state q (57,), v (56,)."""

@@ -23,16 +23,16 @@ Array = NDArray[np.float64]
 class Tree:
     """What follows from the model alone. Bodies are counted without the world.
 
-    body (56,): the body that each velocity coordinate moves. supports (22, 56): 1 where the
-    coordinate moves the body. parents (56, 56): row k is 1 at the coordinates before the joint of
-    k. upto (56, 56): row k is 1 at the coordinates up to the joint of k, all of that joint's too;
-    the three turns of the free joint are one joint. gravity (3,) m/s2.
+    supports (22, 56): 1 where the coordinate moves the body. parents (56, 56): row k is 1 at the
+    coordinates before the joint of k. upto (56, 56): row k is 1 at the coordinates up to the joint
+    of k, all of that joint's too; the three turns of the free joint are one joint. turned_by
+    (56, 56): row k is 1 at the coordinates that turn the axis of k. gravity (3,) m/s2.
     """
 
-    body: NDArray[np.int64]
     supports: Array
     parents: Array
     upto: Array
+    turned_by: Array
     gravity: Array
 
 
@@ -50,6 +50,8 @@ def make_tree(model: mujoco.MjModel) -> Tree:
     parents[:3, :3] = 0.0
     parents[3:6, 3:6] = 0.0
     upto[3:6, 3:6] = 1.0
+    turned_by = upto - np.eye(nv)
+    turned_by[:3, :3] = 0.0
     supports = np.zeros((model.nbody - 1, nv))
     for b in range(1, model.nbody):
         carrier = b
@@ -58,10 +60,10 @@ def make_tree(model: mujoco.MjModel) -> Tree:
         last = int(model.body_dofadr[carrier] + model.body_dofnum[carrier] - 1)
         supports[b - 1] = upto[last]
     return Tree(
-        body=model.dof_bodyid.astype(np.int64) - 1,
         supports=supports,
         parents=parents,
         upto=upto,
+        turned_by=turned_by,
         gravity=model.opt.gravity.copy(),
     )
 

@@ -89,7 +89,22 @@ def solve(
         if stop := search.stop():
             status = "converged: " + ", ".join(sorted(stop))
             break
-    control = matrix @ best
+    return sampled_solution(problem, simulator, matrix @ best, history, before, status)
+
+
+def sampled_solution(
+    problem: Problem,
+    simulator: Simulator,
+    control: Array,
+    history: list[float],
+    before: int,
+    status: str,
+) -> Solution:
+    """The best controls (N, 50) of a search, run once more for the states.
+
+    history: lowest E so far, `DIVERGED` while every sample was. before: `simulator.steps` at the
+    search's start.
+    """
     rollout = simulator.run(
         problem.q0, problem.v0, problem.steps, [lambda t, q, v: control[t]]
     )[0]  # fmt: skip
@@ -98,7 +113,7 @@ def solve(
         cost=problem.cost(rollout),
         history=tuple(float(c) if c < DIVERGED else float("inf") for c in history),
         steps=simulator.steps - before,
-        status="every sample diverged" if lowest >= DIVERGED else status,
+        status="every sample diverged" if history[-1] >= DIVERGED else status,
     )
 
 

@@ -2,8 +2,8 @@
 
 Each iteration linearises the simulator along the current motion, solves the linear-quadratic
 problem backwards in time, and runs the resulting feedback policy forwards in closed loop at
-several step lengths. Torque limits enter as boxes: a target beyond the limit is moved back to it,
-and targets that sit at a limit and want to go beyond take no part in the backward pass.
+several step lengths. Torque limits are box limits of each step's quadratic program (`box`); in a
+roll-out a target beyond the limit is moved back to it.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from scipy.linalg.lapack import dpotrs
 
 from physique.simulation import kinematics
 from physique.simulation.linearize import Linearization
-from physique.simulation.rollout import Feedback, Rollout
+from physique.simulation.rollout import Feedback, Rollout, usable_limit
 from physique.simulation.simulator import Simulator
 from physique.simulation.state import difference
 from physique.tracking import costs
@@ -136,11 +136,8 @@ def _close_gaps(
         if (policy := backward(problem, nominal, *derivatives, damping)) is not None
         for length in (1.0, 0.0)
     ]
-    nu, nx = nominal.control.shape[1], 2 * nominal.v.shape[1]
-    none = np.zeros((problem.steps, nu))
-    controllers.append(
-        closed_loop(problem, nominal, Policy(none, np.zeros((problem.steps, nu, nx)), 0.0), 0.0)
-    )
+    no_gain = np.zeros((*nominal.control.shape, 2 * nominal.v.shape[1]))
+    controllers.append(Feedback(problem.character, nominal.q, nominal.v, nominal.control, no_gain))
     rollouts = simulator.run(problem.q0, problem.v0, problem.steps, controllers)
     best = min(rollouts, key=problem.cost)
     return best, problem.cost(best)
@@ -178,7 +175,7 @@ def backward(
     gain = 0.0
     character = problem.character
     kp, lag = character.stiffness, character.damping / character.stiffness
-    limit = character.torque_limit * (1 - 1e-6)
+    limit = usable_limit(character)
     low, high = (-limit - rollout.torque) / kp, (limit - rollout.torque) / kp
     # The same change of target uses more of a weak joint's strength.
     weight = damping * DAMPING_LIMIT / character.torque_limit

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,12 @@ class Problem:
     def steps(self) -> int:
         """Number of controls N."""
         return len(self.target.q) - 1
+
+    def beginning(self, steps: int) -> Problem:
+        """The problem of the first `steps` controls alone."""
+        t, frames = self.target, slice(steps + 1)
+        cut = Target(t.q[frames], t.v[frames], t.com[frames], t.com_velocity[frames])
+        return replace(self, target=cut)
 
     def terms(self, q: Array, v: Array, com: Array, com_velocity: Array) -> dict[str, Array]:
         """Weighted terms of Eq. 2 of motions (..., N + 1, .) that start in (q0, v0)."""
