@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from physique.motion.read import read_motion
-from physique.simulation import contact, smooth, spatial
+from physique.simulation import contact, smooth
 from physique.simulation.character import Character
 from physique.simulation.state import integrate
 from physique.tracking.reference import make_reference
@@ -32,14 +32,17 @@ def test_smooth_part_of_any_state(character: Character) -> None:
         q = integrate(np.concatenate([[0, 0, 1, 1], np.zeros(53)]), rng.normal(size=56))
         v, a = 3 * rng.normal(size=56), 30 * rng.normal(size=56)
         torque(q, v, a)
-        motion = smooth.motion(tree, data.cdof.copy()[None], v[None], a[None])
-        np.testing.assert_allclose(motion.velocity[0], data.cvel[1:], atol=1e-10)
-        inertia = spatial.inertia_matrix(data.cinert[1:].copy()[None])
-        by_q, by_v = smooth.derivatives(tree, motion, inertia)
+        by_q, by_v, mass = np.empty((3, 56, 56))
+        smooth.derivatives(
+            by_q, by_v, mass, tree, model.opt.gravity, data.cdof, data.cinert[1:], v, a
+        )
+        full = np.empty((56, 56))
+        mujoco.mj_fullM(model, data, full)
+        np.testing.assert_allclose(mass, full, atol=1e-12 * np.abs(full).max())
         step = 1e-6 * np.eye(56)
         for got, ends in (
-            (by_q[0], [[torque(integrate(q, s * d), v, a) for d in step] for s in (-1, 1)]),
-            (by_v[0], [[torque(q, v + s * d, a) for d in step] for s in (-1, 1)]),
+            (by_q, [[torque(integrate(q, s * d), v, a) for d in step] for s in (-1, 1)]),
+            (by_v, [[torque(q, v + s * d, a) for d in step] for s in (-1, 1)]),
         ):
             expected = (np.array(ends[1]) - np.array(ends[0])).T / 2e-6
             np.testing.assert_allclose(got, expected, atol=1e-7 * np.abs(expected).max())
@@ -55,25 +58,23 @@ def contact_derivatives(
     mujoco.mj_forward(model, data)
     a = data.qacc.copy()
     found = contact.join(model, [contact.read(model, data)])
-    assert found is not None
-    force, stiffness = contact.force_and_stiffness(found)
+    assert found.ends[0] > 0
     np.testing.assert_allclose(
-        force.ravel(), data.efc_force[: data.nefc], atol=1e-9 * (1 + np.abs(force).max())
+        found.force.ravel(),
+        data.efc_force[: data.nefc],
+        atol=1e-9 * (1 + np.abs(found.force).max()),
     )
-    assert np.linalg.eigvalsh(stiffness).min() > -1e-9 * np.abs(stiffness).max()
-    motion = smooth.motion(tree, data.cdof.copy()[None], v[None], a[None])
-    inertia = spatial.inertia_matrix(data.cinert[1:].copy()[None])
-    ours = [x[0] for x in smooth.derivatives(tree, motion, inertia)]
-    mass = np.zeros((56, 56))
-    mujoco.mj_fullM(model, data, mass)
+    least = np.linalg.eigvalsh(found.stiffness).min()
+    assert least > -1e-9 * np.abs(found.stiffness).max()
+    by_q, by_v, mass = ours = list(np.empty((3, 56, 56)))
+    smooth.derivatives(by_q, by_v, mass, tree, model.opt.gravity, data.cdof, data.cinert[1:], v, a)
+    mass += np.diag(model.dof_armature)
+    contact.subtract_derivatives(by_q, by_v, mass, tree, data.cdof, v, a, found, 0)
     h, joint = model.opt.timestep, np.arange(6, 56)
     free = np.abs(data.actuator_force) < character.torque_limit - 1e-9
     kp, kd = np.where(free, 700.0, 0.0), np.where(free, 1.0, 0.0)
     mass[joint, joint] += h * kd + h * h * kp
-    ours[1][joint, joint] += h * kp
-    ours.append(mass)
-    for mine, f in zip(ours, contact.derivatives(tree, motion, found, v[None], a[None])):
-        mine -= f[0]
+    by_v[joint, joint] += h * kp
     theirs = [np.empty((56, 56)) for _ in range(3)]
     mujoco.mjd_inverseFD(model, data, 1e-7, False, *theirs, None, None, None, None)
     return ours, [x.T for x in theirs], found

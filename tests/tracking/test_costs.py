@@ -168,11 +168,12 @@ def test_hessian_predicts_the_cost(character: Character, target: Target) -> None
     change = frame_cost(character, target, weights, integrate(q, d[:, :56]), v + d[:, 56:])
     change -= frame_cost(character, target, weights, q, v)
     predicted = np.sum(quadratic.gradient * d)
-    predicted += 0.5 * np.einsum("ti,tij,tj->", d, quadratic.hessian, d)
+    parts = d.reshape(-1, 2, 56)
+    predicted += 0.5 * np.einsum("tki,tkij,tkj->", parts, quadratic.hessian, parts)
     assert change == pytest.approx(float(predicted), rel=1e-9)
 
 
 def test_hessian_is_positive_semidefinite(character: Character, target: Target) -> None:
     quadratic = model(character, target, Weights(), *moved(target, 9), 0.02)
     assert np.linalg.eigvalsh(quadratic.hessian).min() > -1e-9
-    np.testing.assert_array_equal(quadratic.hessian, np.swapaxes(quadratic.hessian, 1, 2))
+    np.testing.assert_array_equal(quadratic.hessian, np.swapaxes(quadratic.hessian, -1, -2))

@@ -6,13 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.linalg import solve_discrete_are
+from scipy.linalg import block_diag, solve_discrete_are
 
 from physique.simulation.linearize import Linearization
 from physique.simulation.rollout import Rollout
 from physique.simulation.simulator import Simulator
 from physique.simulation.state import integrate
 from physique.tracking import ddp
+from physique.tracking.backward import Policy, backward
 from physique.tracking.costs import Quadratic
 from physique.tracking.problem import Problem, Solution
 
@@ -39,18 +40,25 @@ def toy(
     )  # fmt: skip
     # A timestep of 1 couples positions to velocities as strongly as the rest.
     turn = 0.3 * rng.normal(size=(2, 3, 3))
+    mass = np.eye(56) + 0.1 * rng.normal(size=(56, 56))
     linear = Linearization(
         q=integrate(q[1:], gaps[:, :56]), v=gaps[:, 56:],
-        by_state=np.tile(rng.normal(size=(56, NX)) / np.sqrt(NX), (steps, 1, 1)),
-        by_control=np.tile(rng.normal(size=(56, NU)) / np.sqrt(NX), (steps, 1, 1)),
+        mass=np.tile(mass, (steps, 1, 1)),
+        drive=np.tile(rng.normal(size=(56, NX)) / np.sqrt(NX), (steps, 1, 1)),
+        gain=np.tile(1 + rng.uniform(size=NU), (steps, 1)),
         transport=np.tile(np.eye(3) + turn[0], (steps, 1, 1)),
         rotation=np.tile(np.eye(3) + turn[1], (steps, 1, 1)),
         timestep=0.5,
     )  # fmt: skip
-    root = rng.normal(size=(steps + 1, NX, NX)) / np.sqrt(NX)
-    hessian = root @ np.swapaxes(root, 1, 2) + 0.1 * np.eye(NX)
+    root = rng.normal(size=(steps + 1, 2, 56, 56)) / np.sqrt(56)
+    hessian = root @ np.swapaxes(root, -1, -2) + 0.1 * np.eye(56)
     # Small enough that no torque limit is in reach.
     return rollout, linear, Quadratic(SMALL * rng.normal(size=(steps + 1, NX)), hessian)
+
+
+def full(hessian: np.ndarray) -> np.ndarray:
+    """Hessians (T, 112, 112)."""
+    return np.array([block_diag(*h) for h in hessian])
 
 
 def lq_cost(
@@ -62,7 +70,7 @@ def lq_cost(
     for t in range(len(u)):
         x[t + 1] = A @ x[t] + B @ u[t] + gaps[t]
     cost = np.sum(quadratic.gradient * x)
-    return float(cost + 0.5 * np.einsum("ti,tij,tj->", x, quadratic.hessian, x)), x
+    return float(cost + 0.5 * np.einsum("ti,tij,tj->", x, full(quadratic.hessian), x)), x
 
 
 def dense_optimum(linear: Linearization, quadratic: Quadratic, gaps: np.ndarray) -> np.ndarray:
@@ -74,8 +82,8 @@ def dense_optimum(linear: Linearization, quadratic: Quadratic, gaps: np.ndarray)
         G[t + 1] = A @ G[t]
         G[t + 1][:, t * NU : (t + 1) * NU] += B
     _, free = lq_cost(np.zeros((steps, NU)), linear, quadratic, gaps)
-    normal = np.einsum("tij,tik,tkl->jl", G, quadratic.hessian, G, optimize=True)
-    slope = quadratic.gradient + np.einsum("tij,tj->ti", quadratic.hessian, free)
+    normal = np.einsum("tij,tik,tkl->jl", G, full(quadratic.hessian), G, optimize=True)
+    slope = quadratic.gradient + np.einsum("tij,tj->ti", full(quadratic.hessian), free)
     return np.linalg.solve(normal, -np.einsum("tij,ti->j", G, slope)).reshape(steps, NU)
 
 
@@ -84,7 +92,7 @@ def test_backward_is_the_optimum_of_a_linear_problem(problem: Problem, gap: floa
     steps = 4
     gaps = SMALL * gap * np.random.default_rng(9).normal(size=(steps, NX))
     rollout, linear, quadratic = toy(problem, steps, gaps)
-    policy = ddp.backward(problem, rollout, linear, quadratic, TINY)
+    policy = backward(problem, rollout, linear, quadratic, TINY)
     assert policy is not None
     A, B = matrices(linear)
     x, u = np.zeros(NX), np.empty((steps, NU))
@@ -103,10 +111,12 @@ def test_far_from_the_end_its_gain_is_the_riccati_equations(problem: Problem) ->
     gaps = np.zeros((steps, NX))
     rollout, linear, quadratic = toy(problem, steps, gaps)
     # Calm enough that 60 steps are far.
-    linear = replace(linear, by_state=0.5 * linear.by_state, transport=0.7 * linear.transport)
+    drive = 0.5 * linear.drive
+    drive[:, :, 56:] -= 0.7 * linear.mass / linear.timestep
+    linear = replace(linear, drive=drive, transport=0.7 * linear.transport)
     A, B = matrices(linear)
-    same = Quadratic(0 * quadratic.gradient, np.tile(np.eye(NX), (steps + 1, 1, 1)))
-    policy = ddp.backward(problem, rollout, linear, same, TINY)
+    same = Quadratic(0 * quadratic.gradient, np.tile(np.eye(56), (steps + 1, 2, 1, 1)))
+    policy = backward(problem, rollout, linear, same, TINY)
     assert policy is not None
     V = solve_discrete_are(A, B, np.eye(NX), 1e-9 * np.eye(NU))
     K = -np.linalg.solve(B.T @ V @ B, B.T @ V @ A)
@@ -117,7 +127,7 @@ def test_damping_shortens_the_step(problem: Problem) -> None:
     rollout, linear, quadratic = toy(problem, 3, np.zeros((3, NX)))
     sizes = []
     for damping in (TINY, 1.0, 100.0):
-        policy = ddp.backward(problem, rollout, linear, quadratic, damping)
+        policy = backward(problem, rollout, linear, quadratic, damping)
         assert policy is not None
         sizes.append(np.linalg.norm(policy.feedforward))
     assert sizes[0] > sizes[1] > sizes[2] > 0
@@ -125,36 +135,36 @@ def test_damping_shortens_the_step(problem: Problem) -> None:
 
 def test_targets_at_their_limit_do_not_push_on(problem: Problem) -> None:
     rollout, linear, quadratic = toy(problem, 3, np.zeros((3, NX)))
-    free = ddp.backward(problem, rollout, linear, quadratic, 1.0)
+    free = backward(problem, rollout, linear, quadratic, 1.0)
     assert free is not None
     wish = free.feedforward[2]
     out, back = int(np.argmax(wish)), int(np.argmin(wish))
     torque = rollout.torque.copy()
     torque[2, [out, back]] = problem.character.torque_limit[[out, back]]
-    held = ddp.backward(problem, replace(rollout, torque=torque), linear, quadratic, 1.0)
+    held = backward(problem, replace(rollout, torque=torque), linear, quadratic, 1.0)
     assert held is not None
     assert abs(held.feedforward[2, out]) < 1e-6
     # The joint keeps its torque when it moves: kp (du - dq) - kd dv = 0.
     row = np.zeros(NX)
     row[6 + out], row[62 + out] = 1.0, 1.0 / 700.0
-    np.testing.assert_allclose(held.feedback[2, out], row)
+    np.testing.assert_allclose(held.feedback[2, out], row, atol=1e-12)
     assert held.feedforward[2, back] < 0.0  # away from the limit is allowed
 
 
 def test_it_plans_with_the_limits_of_the_others(problem: Problem) -> None:
     # A limit that a step would cross is met exactly, and the other joints make up for it.
     rollout, linear, quadratic = toy(problem, 1, np.zeros((1, NX)))
-    free = ddp.backward(problem, rollout, linear, quadratic, 1.0)
+    free = backward(problem, rollout, linear, quadratic, 1.0)
     assert free is not None
     out = int(np.argmax(free.feedforward[0]))
     room = free.feedforward[0, out] / 2
     torque = rollout.torque.copy()
     torque[0, out] = problem.character.torque_limit[out] * (1 - 1e-6) - 700.0 * room
-    held = ddp.backward(problem, replace(rollout, torque=torque), linear, quadratic, 1.0)
+    held = backward(problem, replace(rollout, torque=torque), linear, quadratic, 1.0)
     assert held is not None
     assert held.feedforward[0, out] == pytest.approx(room)
     _, B = matrices(linear)
-    V = B.T @ quadratic.hessian[1] @ B + np.eye(NU)
+    V = B.T @ full(quadratic.hessian)[1] @ B + np.eye(NU)
     slope = B.T @ quadratic.gradient[1] + V @ held.feedforward[0]
     others = np.arange(NU) != out
     np.testing.assert_allclose(slope[others], 0.0, atol=1e-8 * abs(slope[out]))
@@ -217,7 +227,7 @@ def test_the_policy_with_no_step_repeats_the_motion(
 ) -> None:
     best = solved[0].rollout
     gain = 1e-3 * np.random.default_rng(0).normal(size=(problem.steps, NU, NX))
-    policy = ddp.Policy(np.ones((problem.steps, NU)), gain, 0.0)
+    policy = Policy(np.ones((problem.steps, NU)), gain, 0.0)
     with Simulator(problem.character, 1) as simulator:
         again = simulator.run(
             problem.q0, problem.v0, problem.steps, [ddp.closed_loop(problem, best, policy, 0.0)]

@@ -76,7 +76,12 @@ class Simulator:
         """Centre of mass (3,), m, at q (57,)."""
         return kinematics.poses(self.character, q[None]).com[0]
 
-    def linearize(self, q: Array, v: Array, control: Array) -> lin.Linearization:
-        """Derivatives of the steps from q (N, 57), v (N, 56) under control (N, 50)."""
+    def linearize(
+        self, q: Array, v: Array, control: Array, v_next: Array | None = None
+    ) -> lin.Linearization:
+        """Derivatives of the steps from q (N, 57), v (N, 56) under control (N, 50); v_next (N, 56):
+        what they lead to, where it is known."""
         self.steps += len(control)
-        return lin.linearize(self.character, self._tree, self._datas, self._executor, q, v, control)
+        return lin.linearize(
+            self.character, self._tree, self._datas, self._executor, q, v, control, v_next
+        )

@@ -1,150 +1,180 @@
-"""Derivatives of the recursive Newton-Euler algorithm, in closed form, for many states at once.
+"""Derivatives of the recursive Newton-Euler algorithm, in closed form.
 
 After Singh, Russo and Wensing, "Efficient Analytical Derivatives of Rigid-Body Dynamics Using
 Spatial Vector Algebra" (IEEE RA-L 2022): everything stands in one world-aligned frame, so that the
-derivative of the motion axis S_k by an earlier joint is S_j x S_k, and all pairs of joints come out
-of a few products of (56, 6) matrices.
+derivative of the motion axis S_k by an earlier joint is S_j x S_k.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from physique.simulation import spatial
+from physique.compiled import compiled
+from physique.simulation.spatial import (
+    apply,
+    apply_transposed,
+    dot,
+    force_cross,
+    force_matrix,
+    inertia_matrix,
+    motion_cross,
+    motion_cross_matrix,
+)
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int64]
 
 
-@dataclass(frozen=True)
-class Tree:
-    """What follows from the model alone. Bodies are counted without the world.
+class Tree(NamedTuple):
+    """What hangs on what. Coordinates come in depth-first order, the free joint's six first.
 
-    supports (22, 56): 1 where the coordinate moves the body. parents (56, 56): row k is 1 at the
-    coordinates before the joint of k. upto (56, 56): row k is 1 at the coordinates up to the joint
-    of k, all of that joint's too; the three turns of the free joint are one joint. turned_by
-    (56, 56): row k is 1 at the coordinates that turn the axis of k. gravity (3,) m/s2.
+    parent (56,): the coordinate before each one, -1 for the first. body (56,): which body each
+    moves, counted without the world. last (22,): the last coordinate that moves each body.
+    body_parent (22,): -1 for the pelvis.
     """
 
-    supports: Array
-    parents: Array
-    upto: Array
-    turned_by: Array
-    gravity: Array
+    parent: Index
+    body: Index
+    last: Index
+    body_parent: Index
 
 
 def make_tree(model: mujoco.MjModel) -> Tree:
     """The tree of a model whose first body hangs on a free joint and all others on hinges."""
-    nv = model.nv
-    upto = np.eye(nv)
-    for k in range(nv):
-        j = int(model.dof_parentid[k])
-        while j >= 0:
-            upto[k, j] = 1.0
-            j = int(model.dof_parentid[j])
-    parents = upto - np.eye(nv)
-    # Translations do not turn each other, turns of the free joint share one frame.
-    parents[:3, :3] = 0.0
-    parents[3:6, 3:6] = 0.0
-    upto[3:6, 3:6] = 1.0
-    turned_by = upto - np.eye(nv)
-    turned_by[:3, :3] = 0.0
-    supports = np.zeros((model.nbody - 1, nv))
+    last = np.empty(model.nbody - 1, dtype=np.int64)
     for b in range(1, model.nbody):
         carrier = b
         while model.body_dofnum[carrier] == 0:
             carrier = int(model.body_parentid[carrier])
-        last = int(model.body_dofadr[carrier] + model.body_dofnum[carrier] - 1)
-        supports[b - 1] = upto[last]
+        last[b - 1] = model.body_dofadr[carrier] + model.body_dofnum[carrier] - 1
     return Tree(
-        supports=supports,
-        parents=parents,
-        upto=upto,
-        turned_by=turned_by,
-        gravity=model.opt.gravity.copy(),
+        parent=model.dof_parentid.astype(np.int64),
+        body=model.dof_bodyid.astype(np.int64) - 1,
+        last=last,
+        body_parent=model.body_parentid[1:].astype(np.int64) - 1,
     )
 
 
-@dataclass(frozen=True)
-class Motion:
-    """Spatial motion of T states.
+@compiled
+def add_up(after: Array, before: Array, parent: Index, own: Array) -> None:
+    """Sums of own (56, 6) along the tree: after each joint, and of what it hangs on.
 
-    axes (T, 56, 6): S. velocity, acceleration (T, 22, 6) of the bodies, the latter as if gravity
-    were an acceleration of the world. before_velocity, before_acceleration (T, 56, 6): of what
-    each joint hangs on. after_velocity (T, 56, 6): of the frame that each axis moves with.
+    The free joint's three translations do not move each other's axes, nor do its three turns,
+    whose axes all move with the body.
     """
-
-    axes: Array
-    velocity: Array
-    acceleration: Array
-    before_velocity: Array
-    before_acceleration: Array
-    after_velocity: Array
-
-
-def motion(tree: Tree, axes: Array, v: Array, a: Array) -> Motion:
-    """The motion of all bodies with axes (T, 56, 6) under v (T, 56) and a (T, 56)."""
-    own = axes * v[..., None]
-    before = tree.parents @ own
-    # Hinges turn about axes that they do not move; the free joint's turns about axes that they do.
-    after = before.copy()
-    after[:, 3:6] += own[:, 3:6].sum(axis=1, keepdims=True)
-    rate = axes * a[..., None] + spatial.motion_cross(after, axes) * v[..., None]
-    falling = np.concatenate([np.zeros(3), -tree.gravity])
-    return Motion(
-        axes=axes,
-        velocity=tree.supports @ own,
-        acceleration=tree.supports @ rate + falling,
-        before_velocity=before,
-        before_acceleration=tree.parents @ rate + falling,
-        after_velocity=after,
-    )
+    for k in range(len(parent)):
+        for i in range(6):
+            sum_before = after[parent[k], i] if k > 0 else 0.0
+            after[k, i] = sum_before + own[k, i]
+            if k < 3:
+                before[k, i] = 0.0
+            elif k < 6:
+                before[k, i] = after[2, i]
+            else:
+                before[k, i] = sum_before
 
 
-def derivatives(tree: Tree, m: Motion, inertia: Array) -> tuple[Array, Array]:
-    """d torque / d q and d torque / d v, both (T, 56, 56), row by torque.
+@compiled
+def derivatives(
+    by_q: Array,
+    by_v: Array,
+    mass: Array,
+    tree: Tree,
+    gravity: Array,
+    axes: Array,
+    inertia: Array,
+    v: Array,
+    a: Array,
+) -> None:
+    """Fill by_q, by_v (56, 56): d torque / d q and / d v, row by torque, and mass (56, 56).
 
-    inertia: (T, 22, 6, 6) of the bodies. Torques are those of inverse dynamics without contact,
+    Of one state with the axes (56, 6) and inertias (22, 10) of MuJoCo's `cdof` and `cinert`, under
+    gravity (3,), m/s2, at v and a (56,). Torques are those of inverse dynamics without contact,
     armature or actuators.
     """
-    momentum = _apply(inertia, m.velocity)
-    v_cross = spatial.motion_cross_matrix(m.velocity)
-    coriolis = (  # twice Singh's B
-        -np.swapaxes(v_cross, -1, -2) @ inertia - inertia @ v_cross + spatial.force_matrix(momentum)
-    )
-    force = _apply(inertia, m.acceleration) + spatial.force_cross(m.velocity, momentum)
-    # Sums over all that hangs on each coordinate.
-    below = tree.supports.T
-    frames, bodies = inertia.shape[:2]
-    I_c, B_c, F_c = (
-        (below @ x.reshape(frames, bodies, -1)).reshape(frames, -1, *x.shape[2:])
-        for x in (inertia, coriolis, force)
-    )
-    S = m.axes
-    S1 = spatial.motion_cross(m.before_velocity, S)
-    S2 = spatial.motion_cross(m.before_acceleration, S)
-    S2 += spatial.motion_cross(m.before_velocity, S1)
-    S_rate = spatial.motion_cross(m.after_velocity, S) + S1
+    nv, bodies = len(v), len(inertia)
+    own, rate = np.empty((nv, 6)), np.empty((nv, 6))
+    velocity, before_v = np.empty((nv, 6)), np.empty((nv, 6))
+    acceleration, before_a = np.empty((nv, 6)), np.empty((nv, 6))
+    for k in range(nv):
+        for i in range(6):
+            own[k, i] = axes[k, i] * v[k]
+    add_up(velocity, before_v, tree.parent, own)
+    # Of the frame that each axis moves with.
+    moving = before_v.copy()
+    moving[3:6] = velocity[5]
+    for k in range(nv):
+        motion_cross(rate[k], moving[k], axes[k])
+        for i in range(6):
+            rate[k, i] = axes[k, i] * a[k] + rate[k, i] * v[k]
+    add_up(acceleration, before_a, tree.parent, rate)
+    # As if gravity were an acceleration of the world.
+    for i in range(3):
+        acceleration[:, 3 + i] -= gravity[i]
+        before_a[:, 3 + i] -= gravity[i]
 
-    IS = _apply(I_c, S)
-    BS = _apply(np.swapaxes(B_c, -1, -2), S)
-    # Row k, column j at or before k: what hangs on k is moved as a whole.
-    q_low = np.concatenate([BS, IS], -1) @ _columns(S1, S2)
-    v_low = np.concatenate([BS, IS], -1) @ _columns(S, S_rate)
-    # Row j before column k: only what hangs on k moves, and takes its force along.
-    q_up = S @ _columns(_apply(B_c, S1) + _apply(I_c, S2) + spatial.force_cross(S, F_c))
-    v_up = S @ _columns(_apply(B_c, S) + _apply(I_c, S_rate))
-    low = tree.upto
-    up = np.maximum(tree.upto.T - low, 0.0)
-    return q_low * low + q_up * up, v_low * low + v_up * up
+    # Of each body and all that hangs on it: inertia, Coriolis matrix (twice Singh's B), force.
+    I_c, B_c, F_c = (np.empty((bodies, 6, 6)), np.empty((bodies, 6, 6)), np.empty((bodies, 6)))
+    momentum, force, turn = np.empty(6), np.empty(6), np.empty((6, 6))
+    for b in range(bodies):
+        I, V = I_c[b], velocity[tree.last[b]]  # noqa: E741
+        inertia_matrix(I, inertia[b])
+        apply(momentum, I, V)
+        force_matrix(B_c[b], momentum)
+        motion_cross_matrix(turn, V)
+        for i in range(6):
+            for j in range(6):
+                total = 0.0
+                for n in range(6):
+                    total += turn[n, i] * I[n, j] + I[i, n] * turn[n, j]
+                B_c[b, i, j] -= total
+        apply(F_c[b], I, acceleration[tree.last[b]])
+        force_cross(force, V, momentum)
+        F_c[b] += force
+    for b in range(bodies - 1, 0, -1):
+        I_c[tree.body_parent[b]] += I_c[b]
+        B_c[tree.body_parent[b]] += B_c[b]
+        F_c[tree.body_parent[b]] += F_c[b]
 
-
-def _apply(matrices: Array, vectors: Array) -> Array:
-    return (matrices @ vectors[..., None])[..., 0]
-
-
-def _columns(*rows: Array) -> Array:
-    return np.swapaxes(np.concatenate(rows, axis=-1), -1, -2)
+    S1, S2, S_rate = np.empty((nv, 6)), np.empty((nv, 6)), np.empty((nv, 6))
+    some = np.empty(6)
+    for k in range(nv):
+        motion_cross(S1[k], before_v[k], axes[k])
+        motion_cross(S2[k], before_a[k], axes[k])
+        motion_cross(some, before_v[k], S1[k])
+        S2[k] += some
+        motion_cross(S_rate[k], moving[k], axes[k])
+        S_rate[k] += S1[k]
+    by_q[:], by_v[:], mass[:] = 0.0, 0.0, 0.0
+    IS, BS, up_q, up_v = np.empty(6), np.empty(6), np.empty(6), np.empty(6)
+    for k in range(nv):
+        b = tree.body[k]
+        S, I, B = axes[k], I_c[b], B_c[b]  # noqa: E741
+        apply(IS, I, S)
+        apply_transposed(BS, B, S)
+        apply(up_q, B, S1[k])
+        apply(some, I, S2[k])
+        up_q += some
+        force_cross(some, S, F_c[b])
+        up_q += some
+        apply(up_v, B, S)
+        apply(some, I, S_rate[k])
+        up_v += some
+        first = k
+        if 3 <= k < 6:  # the three turns of the free joint are one joint
+            first = 5
+        j = first
+        while j >= 0:
+            # Row k, column j at or before k: what hangs on k is moved as a whole.
+            by_q[k, j] = dot(BS, S1[j]) + dot(IS, S2[j])
+            by_v[k, j] = dot(BS, axes[j]) + dot(IS, S_rate[j])
+            mass[k, j] = mass[j, k] = dot(IS, axes[j])
+            # Row j before column k: only what hangs on k moves, and takes its force along.
+            if j < k and not (j >= 3 and k < 6):
+                by_q[j, k] = dot(axes[j], up_q)
+                by_v[j, k] = dot(axes[j], up_v)
+            j = tree.parent[j]

@@ -1,7 +1,8 @@
 """Spatial vectors (Featherstone): motions and forces of six numbers, angular part first.
 
 All vectors of one state are about one fixed point, MuJoCo's `subtree_com` of the pelvis, along
-the world's axes, so that nothing is ever transformed from frame to frame.
+the world's axes, so that nothing is ever transformed from frame to frame. The functions are small
+loops for compiled code; where they fill an argument, it is the first.
 """
 
 from __future__ import annotations
@@ -9,73 +10,114 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from physique.compiled import compiled
+
 Array = NDArray[np.float64]
 
 
-def skew(a: Array) -> Array:
-    """Matrices (..., 3, 3) of the cross product with a (..., 3)."""
-    x, y, z = a[..., 0], a[..., 1], a[..., 2]
-    out = np.zeros((*a.shape[:-1], 3, 3))
-    out[..., 0, 1], out[..., 0, 2] = -z, y
-    out[..., 1, 0], out[..., 1, 2] = z, -x
-    out[..., 2, 0], out[..., 2, 1] = -y, x
-    return out
+@compiled
+def cross(out: Array, a: Array, b: Array) -> None:
+    """out (3,) = a x b."""
+    out[0] = a[1] * b[2] - a[2] * b[1]
+    out[1] = a[2] * b[0] - a[0] * b[2]
+    out[2] = a[0] * b[1] - a[1] * b[0]
 
 
-def cross(a: Array, b: Array) -> Array:
-    """a x b of (..., 3); much faster than `np.cross` for many small vectors."""
-    out = np.empty(np.broadcast_shapes(a.shape, b.shape))
-    a0, a1, a2 = a[..., 0], a[..., 1], a[..., 2]
-    b0, b1, b2 = b[..., 0], b[..., 1], b[..., 2]
-    out[..., 0] = a1 * b2 - a2 * b1
-    out[..., 1] = a2 * b0 - a0 * b2
-    out[..., 2] = a0 * b1 - a1 * b0
-    return out
+@compiled
+def motion_cross(out: Array, v: Array, m: Array) -> None:
+    """out (6,) = v x m: the rate of a motion m when it moves with velocity v."""
+    out[0] = v[1] * m[2] - v[2] * m[1]
+    out[1] = v[2] * m[0] - v[0] * m[2]
+    out[2] = v[0] * m[1] - v[1] * m[0]
+    out[3] = v[1] * m[5] - v[2] * m[4] + v[4] * m[2] - v[5] * m[1]
+    out[4] = v[2] * m[3] - v[0] * m[5] + v[5] * m[0] - v[3] * m[2]
+    out[5] = v[0] * m[4] - v[1] * m[3] + v[3] * m[1] - v[4] * m[0]
 
 
-def motion_cross(v: Array, m: Array) -> Array:
-    """v x m of motions (..., 6): the rate of m when it moves with velocity v."""
-    w, lin = v[..., :3], v[..., 3:]
-    return np.concatenate(
-        [cross(w, m[..., :3]), cross(w, m[..., 3:]) + cross(lin, m[..., :3])], axis=-1
-    )
+@compiled
+def force_cross(out: Array, v: Array, f: Array) -> None:
+    """out (6,) = v x* f: the rate of a force f when it moves with velocity v."""
+    out[0] = v[1] * f[2] - v[2] * f[1] + v[4] * f[5] - v[5] * f[4]
+    out[1] = v[2] * f[0] - v[0] * f[2] + v[5] * f[3] - v[3] * f[5]
+    out[2] = v[0] * f[1] - v[1] * f[0] + v[3] * f[4] - v[4] * f[3]
+    out[3] = v[1] * f[5] - v[2] * f[4]
+    out[4] = v[2] * f[3] - v[0] * f[5]
+    out[5] = v[0] * f[4] - v[1] * f[3]
 
 
-def force_cross(v: Array, f: Array) -> Array:
-    """v x* f of a motion and a force (..., 6): the rate of f when it moves with velocity v."""
-    w, lin = v[..., :3], v[..., 3:]
-    return np.concatenate(
-        [cross(w, f[..., :3]) + cross(lin, f[..., 3:]), cross(w, f[..., 3:])], axis=-1
-    )
+@compiled
+def set_skew(out: Array, a: Array, scale: float) -> None:
+    """out (3, 3) = scale [a x]."""
+    x, y, z = scale * a[0], scale * a[1], scale * a[2]
+    out[0, 0] = out[1, 1] = out[2, 2] = 0.0
+    out[0, 1], out[0, 2], out[1, 2] = -z, y, -x
+    out[1, 0], out[2, 0], out[2, 1] = z, -y, x
 
 
-def motion_cross_matrix(v: Array) -> Array:
-    """Matrices (..., 6, 6) of m -> v x m."""
-    out = np.zeros((*v.shape[:-1], 6, 6))
-    w = skew(v[..., :3])
-    out[..., :3, :3] = out[..., 3:, 3:] = w
-    out[..., 3:, :3] = skew(v[..., 3:])
-    return out
+@compiled
+def motion_cross_matrix(out: Array, v: Array) -> None:
+    """out (6, 6): m -> v x m."""
+    out[:3, 3:] = 0.0
+    set_skew(out[:3, :3], v[:3], 1.0)
+    set_skew(out[3:, 3:], v[:3], 1.0)
+    set_skew(out[3:, :3], v[3:], 1.0)
 
 
-def force_matrix(f: Array) -> Array:
-    """Matrices (..., 6, 6) of v -> v x* f."""
-    out = np.zeros((*f.shape[:-1], 6, 6))
-    out[..., :3, :3] = -skew(f[..., :3])
-    out[..., :3, 3:] = out[..., 3:, :3] = -skew(f[..., 3:])
-    return out
+@compiled
+def force_matrix(out: Array, f: Array) -> None:
+    """out (6, 6): v -> v x* f."""
+    out[3:, 3:] = 0.0
+    set_skew(out[:3, :3], f[:3], -1.0)
+    set_skew(out[:3, 3:], f[3:], -1.0)
+    set_skew(out[3:, :3], f[3:], -1.0)
 
 
-def inertia_matrix(packed: Array) -> Array:
-    """Inertias (..., 6, 6) of MuJoCo's `cinert` (..., 10): about the common point, kg m2 and kg."""
-    out = np.zeros((*packed.shape[:-1], 6, 6))
-    xx, yy, zz, xy, xz, yz = np.moveaxis(packed[..., :6], -1, 0)
-    for (i, j), value in {(0, 0): xx, (1, 1): yy, (2, 2): zz, (0, 1): xy, (0, 2): xz,
-                          (1, 2): yz}.items():  # fmt: skip
-        out[..., i, j] = out[..., j, i] = value
-    moment = skew(packed[..., 6:9])
-    out[..., :3, 3:] = moment
-    out[..., 3:, :3] = -moment
-    for i in range(3, 6):
-        out[..., i, i] = packed[..., 9]
-    return out
+@compiled
+def inertia_matrix(out: Array, packed: Array) -> None:
+    """out (6, 6): of MuJoCo's `cinert` (10,), about the common point, kg m2 and kg."""
+    out[:] = 0.0
+    for i in range(3):
+        out[i, i] = packed[i]
+        out[3 + i, 3 + i] = packed[9]
+    out[0, 1] = out[1, 0] = packed[3]
+    out[0, 2] = out[2, 0] = packed[4]
+    out[1, 2] = out[2, 1] = packed[5]
+    set_skew(out[:3, 3:], packed[6:9], 1.0)
+    set_skew(out[3:, :3], packed[6:9], -1.0)
+
+
+@compiled
+def apply(out: Array, matrix: Array, x: Array) -> None:
+    """out (n,) = matrix (n, m) x (m,)."""
+    for i in range(matrix.shape[0]):
+        total = 0.0
+        for j in range(matrix.shape[1]):
+            total += matrix[i, j] * x[j]
+        out[i] = total
+
+
+@compiled
+def apply_transposed(out: Array, matrix: Array, x: Array) -> None:
+    """out (m,) = matrix^T x, of matrix (n, m) and x (n,)."""
+    out[:] = 0.0
+    for i in range(matrix.shape[0]):
+        for j in range(matrix.shape[1]):
+            out[j] += matrix[i, j] * x[i]
+
+
+@compiled
+def multiply(out: Array, a: Array, b: Array) -> None:
+    """out (n, k) = a (n, m) b (m, k), for matrices that are too small for BLAS."""
+    out[:] = 0.0
+    for i in range(a.shape[0]):
+        for n in range(a.shape[1]):
+            for j in range(b.shape[1]):
+                out[i, j] += a[i, n] * b[n, j]
+
+
+@compiled
+def dot(a: Array, b: Array) -> float:
+    """a . b of two vectors of six."""
+    return (
+        a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5]
+    )  # fmt: skip

@@ -90,7 +90,7 @@ def total(terms: dict[str, Array]) -> Array:
 class Quadratic:
     """Gauss-Newton model of the cost of each frame in the tangent of its state.
 
-    gradient (T, 112), hessian (T, 112, 112).
+    gradient (T, 112); hessian (T, 2, 56, 56), of positions and of velocities.
     """
 
     gradient: Array
@@ -114,22 +114,23 @@ def expand(
     """
     frames, nv = v.shape
     gradient = np.zeros((frames, 2 * nv))
-    hessian = np.zeros((frames, 2 * nv, 2 * nv))
-    J = com_jacobian
-    gradient[:, :nv] += 2 * weights.com * np.einsum("tik,ti->tk", J, com - target.com)
-    hessian[:, :nv, :nv] += 2 * weights.com * np.einsum("tik,til->tkl", J, J)
+    hessian = np.empty((frames, 2, nv, nv))
+    by_q, by_v = hessian[:, 0], hessian[:, 1]
+    J = np.swapaxes(com_jacobian, 1, 2)
+    gradient[:, :nv] += 2 * weights.com * (J @ (com - target.com)[..., None])[..., 0]
     # d com_velocity / d v is the same Jacobian; its dependence on q is second order here.
-    gradient[:, nv:] += (
-        2 * weights.com_velocity * np.einsum("tik,ti->tk", J, com_velocity - target.com_velocity)
-    )
-    hessian[:, nv:, nv:] += 2 * weights.com_velocity * np.einsum("tik,til->tkl", J, J)
+    away_v = (com_velocity - target.com_velocity)[..., None]
+    gradient[:, nv:] += 2 * weights.com_velocity * (J @ away_v)[..., 0]
+    np.matmul(J, com_jacobian, out=by_v)
+    np.multiply(by_v, 2 * weights.com, out=by_q)
+    by_v *= 2 * weights.com_velocity
 
     away = difference(target.q, q)
     joint = np.arange(6, nv)
     gradient[:, joint] += 2 * weights.pose * weights.joints * away[:, 6:]
-    hessian[:, joint, joint] += 2 * weights.pose * weights.joints
+    by_q[:, joint, joint] += 2 * weights.pose * weights.joints
     gradient[:, nv + joint] += 2 * weights.velocity * weights.joints * (v - target.v)[:, 6:]
-    hessian[:, nv + joint, nv + joint] += 2 * weights.velocity * weights.joints
+    by_v[:, joint, joint] += 2 * weights.velocity * weights.joints
 
     # root * angle / 2, with angle -> sqrt(angle^2 + kink^2); the rotation vector between nearby
     # orientations moves one to one with the pelvis frame's tangent.
@@ -137,5 +138,5 @@ def expand(
     scale = weights.root / 2 / np.sqrt(np.sum(turn**2, axis=-1) + kink**2)
     gradient[:, 3:6] += scale[:, None] * turn
     root = np.arange(3, 6)
-    hessian[:, root, root] += scale[:, None]
+    by_q[:, root, root] += scale[:, None]
     return Quadratic(gradient, hessian)

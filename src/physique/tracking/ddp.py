@@ -13,23 +13,17 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dpotrs
 
 from physique.simulation import kinematics
 from physique.simulation.linearize import Linearization
-from physique.simulation.rollout import Feedback, Rollout, usable_limit
+from physique.simulation.rollout import Feedback, Rollout
 from physique.simulation.simulator import Simulator
-from physique.simulation.state import difference
 from physique.tracking import costs
-from physique.tracking.box import solve_box
+from physique.tracking.backward import Policy, backward
 from physique.tracking.costs import Quadratic
 from physique.tracking.problem import Problem, Solution
 
 Array = NDArray[np.float64]
-
-
-#: Joints of this strength are damped by just `Options.damping`.
-DAMPING_LIMIT = 100.0  # Nm
 
 
 @dataclass(frozen=True)
@@ -56,18 +50,6 @@ class Options:
     damping_most: float = 1e4
 
 
-@dataclass(frozen=True)
-class Policy:
-    """u(t, x) = control + step * feedforward + feedback (x - x0); (N, 50), (N, 50), (N, 50, 112).
-
-    gain: the decrease of E that the model predicts for a full step.
-    """
-
-    feedforward: Array
-    feedback: Array
-    gain: float
-
-
 def solve(
     problem: Problem,
     simulator: Simulator,
@@ -83,7 +65,7 @@ def solve(
     """
     before = simulator.steps
     history: list[float] = []
-    about_nominal = _expand(problem, simulator, nominal, options.first_kink)
+    about_nominal = _expand(problem, simulator, nominal, None, options.first_kink)
     best, cost = _close_gaps(problem, simulator, nominal, about_nominal, options)
     history.append(cost)
     if not np.isfinite(cost):
@@ -93,7 +75,7 @@ def solve(
     status = "iterations"
     for iteration in range(1, options.iterations):
         if derivatives is None:
-            derivatives = _expand(problem, simulator, best, options.kink)
+            derivatives = _expand(problem, simulator, best, best.v[1:], options.kink)
         policy = backward(problem, best, *derivatives, damping)
         found = None
         if policy is not None:
@@ -144,98 +126,15 @@ def _close_gaps(
 
 
 def _expand(
-    problem: Problem, simulator: Simulator, rollout: Rollout, kink: float
+    problem: Problem, simulator: Simulator, rollout: Rollout, v_next: Array | None, kink: float
 ) -> tuple[Linearization, Quadratic]:
-    linear = simulator.linearize(rollout.q[:-1], rollout.v[:-1], rollout.control)
+    linear = simulator.linearize(rollout.q[:-1], rollout.v[:-1], rollout.control, v_next)
     jacobian = kinematics.com_jacobian(problem.character, rollout.q)
     quadratic = costs.expand(
         problem.weights, problem.target, rollout.q, rollout.v, rollout.com, rollout.com_velocity,
         jacobian, kink,
     )  # fmt: skip
     return linear, quadratic
-
-
-def backward(
-    problem: Problem, rollout: Rollout, linear: Linearization, cost: Quadratic, damping: float
-) -> Policy | None:
-    """The linear-quadratic policy about a roll-out; None where the damping is too small.
-
-    A step moves the state through its new velocity alone, v' = v + a dx + b du, and q' follows
-    from v' (`Linearization`); with G = dx'/dv' the value of the next state reaches this one as
-    G^T V G (56, 56), which halves the work.
-    """
-    steps, nu = rollout.control.shape
-    nv = rollout.v.shape[1]
-    feedforward, feedback = np.zeros((steps, nu)), np.zeros((steps, nu, 2 * nv))
-    v_x, v_xx = cost.gradient[-1].copy(), cost.hessian[-1].copy()
-    # Zero, but for a nominal motion that does not obey physics.
-    gaps = np.concatenate(
-        [difference(rollout.q[1:], linear.q), linear.v - rollout.v[1:]], axis=1
-    )  # (N, 112)
-    gain = 0.0
-    character = problem.character
-    kp, lag = character.stiffness, character.damping / character.stiffness
-    limit = usable_limit(character)
-    low, high = (-limit - rollout.torque) / kp, (limit - rollout.torque) / kp
-    # The same change of target uses more of a weak joint's strength.
-    weight = damping * DAMPING_LIMIT / character.torque_limit
-    joint = np.arange(nu)
-    # A joint at its limit keeps its torque, so its target moves along with the joint.
-    along = np.zeros((nu, 2 * nv))
-    left, right = np.empty((2, nv + nu, 2 * nv))
-    mixed = np.empty((nu, 2 * nv))
-    along[joint, 6 + joint], along[joint, nv + 6 + joint] = 1.0, lag
-    for t in range(steps - 1, -1, -1):
-        a, b = linear.by_state[t], linear.by_control[t]
-        v_x += v_xx @ gaps[t]
-        value = linear.pull_back(t, v_xx, v_x)
-        left[:nv] = a
-        half = np.matmul(value.vv, a, out=right[:nv])
-        half *= 0.5
-        half[:, :nv] += value.vq
-        q_x = a.T @ value.by_v
-        q_x += cost.gradient[t]
-        q_x[:nv] += value.by_q
-        q_u = b.T @ value.by_v
-        b_value = b.T @ value.vv
-        q_uu = b_value @ b
-        q_ux = np.matmul(b_value, a, out=mixed)
-        q_ux[:, :nv] += b.T @ value.vq
-        regular = q_uu.copy()
-        regular.flat[:: nu + 1] += weight
-        found = solve_box(regular, q_u, low[t], high[t])
-        if found is None:
-            return None
-        k, free, factor = found
-        K = feedback[t]
-        if free.all():
-            K[:] = -_solve(factor, q_ux)
-        else:
-            K[:] = along
-            if free.any():
-                held = q_ux[free] + regular[np.ix_(free, ~free)] @ along[~free]
-                K[free] = -_solve(factor, held)
-        feedforward[t] = k
-        uu_k = q_uu @ k
-        gain -= float(q_u @ k + 0.5 * k @ uu_k)
-        v_x = q_x + K.T @ (q_u + uu_k) + q_ux.T @ k
-        # a^T vv a + a^T [vq 0] + K^T q_uu K / 2 + K^T q_ux, and its transpose.
-        left[nv:] = K
-        rest = np.matmul(q_uu, K, out=right[nv:])
-        rest *= 0.5
-        rest += q_ux
-        v_xx = left.T @ right
-        v_xx += v_xx.T.copy()
-        v_xx += cost.hessian[t]
-        v_xx[:nv, :nv] += value.qq
-    return Policy(feedforward, feedback, gain)
-
-
-def _solve(factor: Array, right: Array) -> Array:
-    """H^-1 right, of the lower Cholesky factor of H."""
-    # LAPACK wants columns; converting in its wrapper is ten times slower.
-    solved: Array = dpotrs(factor, np.asfortranarray(right), lower=1, overwrite_b=1)[0]
-    return solved
 
 
 def _line_search(

@@ -1,0 +1,60 @@
+"""Small dense matrices in compiled code: products and Cholesky factors without allocation.
+
+BLAS is for large products; here calls to it would cost more than the arithmetic.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from physique.compiled import compiled
+
+Array = NDArray[np.float64]
+
+
+@compiled
+def add_transposed_product(out: Array, a: Array, b: Array) -> None:
+    """out (n, k) += a^T b, of a (m, n) and b (m, k)."""
+    for i in range(a.shape[0]):
+        for n in range(a.shape[1]):
+            factor = a[i, n]
+            for k in range(b.shape[1]):
+                out[n, k] += factor * b[i, k]
+
+
+@compiled
+def cholesky(a: Array) -> bool:
+    """Replace the lower triangle of a (n, n) by its Cholesky factor; False where it has none."""
+    for i in range(len(a)):
+        for j in range(i + 1):
+            total = a[i, j]
+            for k in range(j):
+                total -= a[i, k] * a[j, k]
+            if i > j:
+                a[i, j] = total / a[j, j]
+            elif total > 0.0:
+                a[i, i] = np.sqrt(total)
+            else:
+                return False
+    return True
+
+
+@compiled
+def solve(factor: Array, x: Array) -> None:
+    """x (n, k) = A^-1 x, in place, of the lower Cholesky factor of A (n, n)."""
+    n, width = x.shape
+    for i in range(n):
+        for j in range(i):
+            ratio = factor[i, j]
+            for k in range(width):
+                x[i, k] -= ratio * x[j, k]
+        for k in range(width):
+            x[i, k] /= factor[i, i]
+    for i in range(n - 1, -1, -1):
+        for j in range(i + 1, n):
+            ratio = factor[j, i]
+            for k in range(width):
+                x[i, k] -= ratio * x[j, k]
+        for k in range(width):
+            x[i, k] /= factor[i, i]
