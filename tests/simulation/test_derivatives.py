@@ -13,6 +13,18 @@ from physique.simulation.state import integrate
 from physique.tracking.reference import make_reference
 
 
+def smooth_part(
+    model: mujoco.MjModel, data: mujoco.MjData, v: np.ndarray, a: np.ndarray
+) -> list[np.ndarray]:
+    """d torque by q, v and a without contact, each (56, 56), at the positions in `data`."""
+    out = np.empty((3, 1, 56, 56))
+    smooth.derivatives(
+        *out, smooth.make_tree(model), model.opt.gravity,
+        data.cdof[None], data.cinert[None, 1:], v[None], a[None],
+    )  # fmt: skip
+    return list(out[:, 0])
+
+
 def test_smooth_part_of_any_state(character: Character) -> None:
     model = mujoco.MjModel.from_xml_string(character.xml)
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
@@ -20,7 +32,6 @@ def test_smooth_part_of_any_state(character: Character) -> None:
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
     model.dof_armature[:] = 0.0
     data = mujoco.MjData(model)
-    tree = smooth.make_tree(model)
     rng = np.random.default_rng(0)
 
     def torque(q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
@@ -32,10 +43,7 @@ def test_smooth_part_of_any_state(character: Character) -> None:
         q = integrate(np.concatenate([[0, 0, 1, 1], np.zeros(53)]), rng.normal(size=56))
         v, a = 3 * rng.normal(size=56), 30 * rng.normal(size=56)
         torque(q, v, a)
-        by_q, by_v, mass = np.empty((3, 56, 56))
-        smooth.derivatives(
-            by_q, by_v, mass, tree, model.opt.gravity, data.cdof, data.cinert[1:], v, a
-        )
+        by_q, by_v, mass = smooth_part(model, data, v, a)
         full = np.empty((56, 56))
         mujoco.mj_fullM(model, data, full)
         np.testing.assert_allclose(mass, full, atol=1e-12 * np.abs(full).max())
@@ -53,7 +61,7 @@ def contact_derivatives(
 ) -> tuple[list[np.ndarray], list[np.ndarray], contact.Contacts]:
     """d inverse dynamics by q, v, a: in closed form, and by MuJoCo's differences."""
     model = character.model
-    data, tree = mujoco.MjData(model), smooth.make_tree(model)
+    data = mujoco.MjData(model)
     data.qpos[:], data.qvel[:], data.ctrl[:] = q, v, u
     mujoco.mj_forward(model, data)
     a = data.qacc.copy()
@@ -66,10 +74,12 @@ def contact_derivatives(
     )
     least = np.linalg.eigvalsh(found.stiffness).min()
     assert least > -1e-9 * np.abs(found.stiffness).max()
-    by_q, by_v, mass = ours = list(np.empty((3, 56, 56)))
-    smooth.derivatives(by_q, by_v, mass, tree, model.opt.gravity, data.cdof, data.cinert[1:], v, a)
+    by_q, by_v, mass = ours = smooth_part(model, data, v, a)
     mass += np.diag(model.dof_armature)
-    contact.subtract_derivatives(by_q, by_v, mass, tree, data.cdof, v, a, found, 0)
+    contact.subtract_derivatives(
+        by_q[None], by_v[None], mass[None], smooth.make_tree(model),
+        data.cdof[None], v[None], a[None], found,
+    )  # fmt: skip
     h, joint = model.opt.timestep, np.arange(6, 56)
     free = np.abs(data.actuator_force) < character.torque_limit - 1e-9
     kp, kd = np.where(free, 700.0, 0.0), np.where(free, 1.0, 0.0)

@@ -20,8 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physique.compiled import compiled
+from physique.dense import add, fill
 from physique.simulation.smooth import Tree, add_up
 from physique.simulation.spatial import (
+    add_to,
     apply,
     cross,
     dot,
@@ -177,85 +179,89 @@ def subtract_derivatives(
     v: Array,
     a: Array,
     c: Contacts,
-    t: int,
 ) -> None:
-    """Take d (J^T f) by q, v and a from by_q, by_v, by_a (56, 56), row by torque.
+    """Take d (J^T f) by q, v and a from by_q, by_v, by_a (T, 56, 56), row by torque.
 
-    Of state t of `c`, with `axes` (56, 6), at v and a (56,).
-    A contact sees the coordinates only through the motion of the bodies that touch: the change of
-    its force is a 6 x 6 matrix by a body's motion, and those are summed before any coordinate
-    enters.
+    Of T states with `axes` (T, 56, 6), at v and a (T, 56). A contact sees the coordinates only
+    through the motion of the bodies that touch: the change of its force is a 6 x 6 matrix by a
+    body's motion, and those are summed before any coordinate enters.
     """
-    begin, end = c.ends[t - 1] if t > 0 else 0, c.ends[t]
-    if begin == end:
-        return
-    nv, bodies = len(v), len(tree.last)
+    states, nv = v.shape
+    bodies = len(tree.last)
     own_v, own_a = np.empty((nv, 6)), np.empty((nv, 6))
-    for k in range(nv):
-        for i in range(6):
-            own_v[k, i], own_a[k, i] = axes[k, i] * v[k], axes[k, i] * a[k]
     velocity, before_v = np.empty((nv, 6)), np.empty((nv, 6))
     acceleration, before_a = np.empty((nv, 6)), np.empty((nv, 6))  # J a
-    add_up(velocity, before_v, tree.parent, own_v)
-    add_up(acceleration, before_a, tree.parent, own_a)
-
-    # Bodies that touch something, in the order in which they turn up.
-    slot = np.full(bodies, -1)
-    touching = np.empty(bodies, dtype=np.int64)
-    count = 0
-    for n in range(begin, end):
-        for side in range(2):
-            b = c.bodies[n, side]
-            if b >= 0 and slot[b] < 0:
-                slot[b], touching[count] = count, b
-                count += 1
-    load = np.zeros((bodies, 6))
-    # By where the second body moves, by the change of its velocity, and by that of J a.
-    wrench = np.zeros((count, count, 6, 18))
-    coupled = np.zeros((count, count), dtype=np.bool_)
-    for n in range(begin, end):
-        _add_contact(wrench, coupled, load, c, n, slot, tree.last, velocity, acceleration)
-
+    slot, touching = np.empty(bodies, dtype=np.int64), np.empty(bodies, dtype=np.int64)
+    load = np.empty((bodies, 6))
     by_z, by_rate_v, by_rate_a = np.empty(6), np.empty(6), np.empty(6)
     rate, away, some = np.empty(6), np.empty(6), np.empty(6)
-    for second in range(count):
-        end_j = tree.last[touching[second]]
-        for first in range(count):
-            if not coupled[first, second]:
-                continue
-            W = wrench[first, second]
-            j = end_j
+    end = 0
+    for t in range(states):
+        begin, end = end, c.ends[t]
+        if begin == end:
+            continue
+        axis = axes[t]
+        for k in range(nv):
+            for i in range(6):
+                own_v[k, i], own_a[k, i] = axis[k, i] * v[t, k], axis[k, i] * a[t, k]
+        add_up(velocity, before_v, tree.parent, own_v)
+        add_up(acceleration, before_a, tree.parent, own_a)
+
+        # Bodies that touch something, in the order in which they turn up.
+        for b in range(bodies):
+            slot[b] = -1
+        count = 0
+        for n in range(begin, end):
+            for side in range(2):
+                b = c.bodies[n, side]
+                if b >= 0 and slot[b] < 0:
+                    slot[b], touching[count] = count, b
+                    count += 1
+        fill(load, 0.0)
+        # By where the second body moves, by the change of its velocity, and by that of J a.
+        wrench = np.zeros((count, count, 6, 18))
+        coupled = np.zeros((count, count), dtype=np.bool_)
+        for n in range(begin, end):
+            _add_contact(wrench, coupled, load, c, n, slot, tree.last, velocity, acceleration)
+
+        for second in range(count):
+            end_j = tree.last[touching[second]]
+            for first in range(count):
+                if not coupled[first, second]:
+                    continue
+                W = wrench[first, second]
+                j = end_j
+                while j >= 0:
+                    apply(by_z, W[:, :6], axis[j])
+                    apply(by_rate_v, W[:, 6:12], axis[j])
+                    apply(by_rate_a, W[:, 12:], axis[j])
+                    # How the body's velocity, and with it J a, depends on q.
+                    for i in range(6):
+                        away[i] = velocity[end_j, i] - before_v[j, i]
+                    motion_cross(rate, axis[j], away)
+                    apply(some, W[:, 6:12], rate)
+                    add_to(by_z, some)
+                    for i in range(6):
+                        away[i] = acceleration[end_j, i] - before_a[j, i]
+                    motion_cross(rate, axis[j], away)
+                    apply(some, W[:, 12:], rate)
+                    add_to(by_z, some)
+                    k = tree.last[touching[first]]
+                    while k >= 0:
+                        by_q[t, k, j] -= dot(axis[k], by_z)
+                        by_v[t, k, j] -= dot(axis[k], by_rate_v)
+                        by_a[t, k, j] -= dot(axis[k], by_rate_a)
+                        k = tree.parent[k]
+                    j = tree.parent[j]
+        # The axes that the forces work on move too.
+        for b in range(bodies - 1, 0, -1):
+            add_to(load[tree.body_parent[b]], load[b])
+        for k in range(3, nv):
+            force_cross(some, axis[k], load[tree.body[k]])
+            j = tree.parent[k] if k >= 6 else 5
             while j >= 0:
-                apply(by_z, W[:, :6], axes[j])
-                apply(by_rate_v, W[:, 6:12], axes[j])
-                apply(by_rate_a, W[:, 12:], axes[j])
-                # How the body's velocity, and with it J a, depends on q.
-                for i in range(6):
-                    away[i] = velocity[end_j, i] - before_v[j, i]
-                motion_cross(rate, axes[j], away)
-                apply(some, W[:, 6:12], rate)
-                by_z += some
-                for i in range(6):
-                    away[i] = acceleration[end_j, i] - before_a[j, i]
-                motion_cross(rate, axes[j], away)
-                apply(some, W[:, 12:], rate)
-                by_z += some
-                k = tree.last[touching[first]]
-                while k >= 0:
-                    by_q[k, j] -= dot(axes[k], by_z)
-                    by_v[k, j] -= dot(axes[k], by_rate_v)
-                    by_a[k, j] -= dot(axes[k], by_rate_a)
-                    k = tree.parent[k]
+                by_q[t, k, j] -= dot(some, axis[j])
                 j = tree.parent[j]
-    # The axes that the forces work on move too.
-    for b in range(bodies - 1, 0, -1):
-        load[tree.body_parent[b]] += load[b]
-    for k in range(3, nv):
-        force_cross(some, axes[k], load[tree.body[k]])
-        j = tree.parent[k] if k >= 6 else 5
-        while j >= 0:
-            by_q[k, j] -= dot(some, axes[j])
-            j = tree.parent[j]
 
 
 @compiled
@@ -276,7 +282,9 @@ def _add_contact(
     turned, stiff, damped = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     multiply(turned, R.T, stiffness)
     multiply(stiff, turned, R)  # -d force / d (J a), in world axes
-    turned *= c.drag[n]
+    for i in range(3):
+        for j in range(3):
+            turned[i, j] *= c.drag[n, j]
     multiply(damped, turned, R)  # -d force / d velocity
     force, pushed = np.empty(3), np.empty(3)
     apply(force, R.T, c.force[n])
@@ -324,7 +332,7 @@ def _add_contact(
     multiply(by_moved, damped, twist)
     set_skew(twist, spin_a, 1.0)
     multiply(some, stiff, twist)
-    by_moved += some
+    add(by_moved, some)
     set_skew(twist, force, 1.0)
 
     world, part, parts = np.empty((3, 18)), np.empty((3, 6)), np.empty((6, 18))
@@ -332,18 +340,23 @@ def _add_contact(
         if c.bodies[n, by] < 0:
             continue
         multiply(world[:, :6], by_depth, at[by])
-        multiply(part, by_moved, moved[by])
-        world[:, :6] -= part
         multiply(world[:, 6:12], damped, at[by])
         multiply(world[:, 12:], stiff, at[by])
-        world[:, 6:] *= -1.0
+        multiply(part, by_moved, moved[by])
+        for i in range(3):
+            for j in range(6):
+                world[i, j] -= part[i, j]
+            for j in range(6, 18):
+                world[i, j] = -world[i, j]
         multiply(part, twist, moved[by])
         for to in range(2):
             if c.bodies[n, to] < 0:
                 continue
             multiply(parts, at[to].T, world)
             # The force keeps its direction while its point moves.
-            parts[:3, :6] -= (2.0 * to - 1.0) * part
+            for i in range(3):
+                for j in range(6):
+                    parts[i, j] -= (2.0 * to - 1.0) * part[i, j]
             first, second = slot[c.bodies[n, to]], slot[c.bodies[n, by]]
-            wrench[first, second] += parts
+            add(wrench[first, second], parts)
             coupled[first, second] = True

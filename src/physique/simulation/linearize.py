@@ -21,7 +21,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physique import rotations
-from physique.compiled import compiled
 from physique.simulation import contact, smooth
 from physique.simulation.character import Character
 from physique.simulation.rollout import pd_torque
@@ -155,10 +154,9 @@ def _differentiate(
         axes[t], inertia[t] = data.cdof, data.cinert[1:]
         contacts.append(contact.read(model, data))
     r_q, r_v, r_a = np.empty((3, n, nv, nv))
-    _inverse_dynamics(
-        r_q, r_v, r_a, tree, model.opt.gravity, axes, inertia, v, a,
-        contact.join(model, contacts),
-    )  # fmt: skip
+    smooth.derivatives(r_q, r_v, r_a, tree, model.opt.gravity, axes, inertia, v, a)
+    found = contact.join(model, contacts)
+    contact.subtract_derivatives(r_q, r_v, r_a, tree, axes, v, a, found)
     torque = pd_torque(character, u, q, v)
     free = np.abs(torque) < character.torque_limit - _AT_LIMIT
     kp = np.where(free, character.stiffness, 0.0)
@@ -170,25 +168,6 @@ def _differentiate(
     drive[:, joint, joint] -= kp
     drive[:, joint, nv + joint] -= kd + h * kp
     return r_a, drive, kp
-
-
-@compiled
-def _inverse_dynamics(
-    r_q: Array,
-    r_v: Array,
-    r_a: Array,
-    tree: smooth.Tree,
-    gravity: Array,
-    axes: Array,
-    inertia: Array,
-    v: Array,
-    a: Array,
-    contacts: contact.Contacts,
-) -> None:
-    """Derivatives (n, 56, 56) of inverse dynamics with contact, at each of n states."""
-    for t in range(len(v)):
-        smooth.derivatives(r_q[t], r_v[t], r_a[t], tree, gravity, axes[t], inertia[t], v[t], a[t])
-        contact.subtract_derivatives(r_q[t], r_v[t], r_a[t], tree, axes[t], v[t], a[t], contacts, t)
 
 
 def _right_jacobian(w: Array) -> Array:

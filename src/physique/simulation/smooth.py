@@ -14,7 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physique.compiled import compiled
+from physique.dense import add, fill
 from physique.simulation.spatial import (
+    add_to,
     apply,
     apply_transposed,
     dot,
@@ -90,91 +92,92 @@ def derivatives(
     v: Array,
     a: Array,
 ) -> None:
-    """Fill by_q, by_v (56, 56): d torque / d q and / d v, row by torque, and mass (56, 56).
+    """Fill by_q, by_v (T, 56, 56): d torque / d q and / d v, row by torque, and mass (T, 56, 56).
 
-    Of one state with the axes (56, 6) and inertias (22, 10) of MuJoCo's `cdof` and `cinert`, under
-    gravity (3,), m/s2, at v and a (56,). Torques are those of inverse dynamics without contact,
-    armature or actuators.
+    Of T states with the axes (T, 56, 6) and inertias (T, 22, 10) of MuJoCo's `cdof` and `cinert`,
+    under gravity (3,), m/s2, at v and a (T, 56). Torques are those of inverse dynamics without
+    contact, armature or actuators.
     """
-    nv, bodies = len(v), len(inertia)
+    nv, bodies = v.shape[1], inertia.shape[1]
     own, rate = np.empty((nv, 6)), np.empty((nv, 6))
-    velocity, before_v = np.empty((nv, 6)), np.empty((nv, 6))
+    velocity, before_v, moving = np.empty((nv, 6)), np.empty((nv, 6)), np.empty((nv, 6))
     acceleration, before_a = np.empty((nv, 6)), np.empty((nv, 6))
-    for k in range(nv):
-        for i in range(6):
-            own[k, i] = axes[k, i] * v[k]
-    add_up(velocity, before_v, tree.parent, own)
-    # Of the frame that each axis moves with.
-    moving = before_v.copy()
-    moving[3:6] = velocity[5]
-    for k in range(nv):
-        motion_cross(rate[k], moving[k], axes[k])
-        for i in range(6):
-            rate[k, i] = axes[k, i] * a[k] + rate[k, i] * v[k]
-    add_up(acceleration, before_a, tree.parent, rate)
-    # As if gravity were an acceleration of the world.
-    for i in range(3):
-        acceleration[:, 3 + i] -= gravity[i]
-        before_a[:, 3 + i] -= gravity[i]
-
-    # Of each body and all that hangs on it: inertia, Coriolis matrix (twice Singh's B), force.
-    I_c, B_c, F_c = (np.empty((bodies, 6, 6)), np.empty((bodies, 6, 6)), np.empty((bodies, 6)))
+    I_c, B_c, F_c = np.empty((bodies, 6, 6)), np.empty((bodies, 6, 6)), np.empty((bodies, 6))
     momentum, force, turn = np.empty(6), np.empty(6), np.empty((6, 6))
-    for b in range(bodies):
-        I, V = I_c[b], velocity[tree.last[b]]  # noqa: E741
-        inertia_matrix(I, inertia[b])
-        apply(momentum, I, V)
-        force_matrix(B_c[b], momentum)
-        motion_cross_matrix(turn, V)
-        for i in range(6):
-            for j in range(6):
-                total = 0.0
-                for n in range(6):
-                    total += turn[n, i] * I[n, j] + I[i, n] * turn[n, j]
-                B_c[b, i, j] -= total
-        apply(F_c[b], I, acceleration[tree.last[b]])
-        force_cross(force, V, momentum)
-        F_c[b] += force
-    for b in range(bodies - 1, 0, -1):
-        I_c[tree.body_parent[b]] += I_c[b]
-        B_c[tree.body_parent[b]] += B_c[b]
-        F_c[tree.body_parent[b]] += F_c[b]
-
     S1, S2, S_rate = np.empty((nv, 6)), np.empty((nv, 6)), np.empty((nv, 6))
-    some = np.empty(6)
-    for k in range(nv):
-        motion_cross(S1[k], before_v[k], axes[k])
-        motion_cross(S2[k], before_a[k], axes[k])
-        motion_cross(some, before_v[k], S1[k])
-        S2[k] += some
-        motion_cross(S_rate[k], moving[k], axes[k])
-        S_rate[k] += S1[k]
-    by_q[:], by_v[:], mass[:] = 0.0, 0.0, 0.0
-    IS, BS, up_q, up_v = np.empty(6), np.empty(6), np.empty(6), np.empty(6)
-    for k in range(nv):
-        b = tree.body[k]
-        S, I, B = axes[k], I_c[b], B_c[b]  # noqa: E741
-        apply(IS, I, S)
-        apply_transposed(BS, B, S)
-        apply(up_q, B, S1[k])
-        apply(some, I, S2[k])
-        up_q += some
-        force_cross(some, S, F_c[b])
-        up_q += some
-        apply(up_v, B, S)
-        apply(some, I, S_rate[k])
-        up_v += some
-        first = k
-        if 3 <= k < 6:  # the three turns of the free joint are one joint
-            first = 5
-        j = first
-        while j >= 0:
-            # Row k, column j at or before k: what hangs on k is moved as a whole.
-            by_q[k, j] = dot(BS, S1[j]) + dot(IS, S2[j])
-            by_v[k, j] = dot(BS, axes[j]) + dot(IS, S_rate[j])
-            mass[k, j] = mass[j, k] = dot(IS, axes[j])
-            # Row j before column k: only what hangs on k moves, and takes its force along.
-            if j < k and not (j >= 3 and k < 6):
-                by_q[j, k] = dot(axes[j], up_q)
-                by_v[j, k] = dot(axes[j], up_v)
-            j = tree.parent[j]
+    IS, BS, up_q, up_v, some = np.empty(6), np.empty(6), np.empty(6), np.empty(6), np.empty(6)
+    for t in range(len(v)):
+        axis = axes[t]
+        for k in range(nv):
+            for i in range(6):
+                own[k, i] = axis[k, i] * v[t, k]
+        add_up(velocity, before_v, tree.parent, own)
+        for k in range(nv):
+            # Of the frame that the axis moves with.
+            for i in range(6):
+                moving[k, i] = velocity[5, i] if 3 <= k < 6 else before_v[k, i]
+            motion_cross(rate[k], moving[k], axis[k])
+            for i in range(6):
+                rate[k, i] = axis[k, i] * a[t, k] + rate[k, i] * v[t, k]
+        add_up(acceleration, before_a, tree.parent, rate)
+        # As if gravity were an acceleration of the world.
+        for k in range(nv):
+            for i in range(3):
+                acceleration[k, 3 + i] -= gravity[i]
+                before_a[k, 3 + i] -= gravity[i]
+
+        # Of each body and all that hangs on it: inertia, Coriolis matrix (twice Singh's B), force.
+        for b in range(bodies):
+            I, V = I_c[b], velocity[tree.last[b]]  # noqa: E741
+            inertia_matrix(I, inertia[t, b])
+            apply(momentum, I, V)
+            force_matrix(B_c[b], momentum)
+            motion_cross_matrix(turn, V)
+            for i in range(6):
+                for j in range(6):
+                    total = 0.0
+                    for n in range(6):
+                        total += turn[n, i] * I[n, j] + I[i, n] * turn[n, j]
+                    B_c[b, i, j] -= total
+            apply(F_c[b], I, acceleration[tree.last[b]])
+            force_cross(force, V, momentum)
+            add_to(F_c[b], force)
+        for b in range(bodies - 1, 0, -1):
+            add(I_c[tree.body_parent[b]], I_c[b])
+            add(B_c[tree.body_parent[b]], B_c[b])
+            add_to(F_c[tree.body_parent[b]], F_c[b])
+
+        for k in range(nv):
+            motion_cross(S1[k], before_v[k], axis[k])
+            motion_cross(S2[k], before_a[k], axis[k])
+            motion_cross(some, before_v[k], S1[k])
+            add_to(S2[k], some)
+            motion_cross(S_rate[k], moving[k], axis[k])
+            add_to(S_rate[k], S1[k])
+        fill(by_q[t], 0.0)
+        fill(by_v[t], 0.0)
+        fill(mass[t], 0.0)
+        for k in range(nv):
+            b = tree.body[k]
+            S, I, B = axis[k], I_c[b], B_c[b]  # noqa: E741
+            apply(IS, I, S)
+            apply_transposed(BS, B, S)
+            apply(up_q, B, S1[k])
+            apply(some, I, S2[k])
+            add_to(up_q, some)
+            force_cross(some, S, F_c[b])
+            add_to(up_q, some)
+            apply(up_v, B, S)
+            apply(some, I, S_rate[k])
+            add_to(up_v, some)
+            j = 5 if 3 <= k < 6 else k  # the three turns of the free joint are one joint
+            while j >= 0:
+                # Row k, column j at or before k: what hangs on k is moved as a whole.
+                by_q[t, k, j] = dot(BS, S1[j]) + dot(IS, S2[j])
+                by_v[t, k, j] = dot(BS, axis[j]) + dot(IS, S_rate[j])
+                mass[t, k, j] = mass[t, j, k] = dot(IS, axis[j])
+                # Row j before column k: only what hangs on k moves, and takes its force along.
+                if j < k and not (j >= 3 and k < 6):
+                    by_q[t, j, k] = dot(axis[j], up_q)
+                    by_v[t, j, k] = dot(axis[j], up_v)
+                j = tree.parent[j]

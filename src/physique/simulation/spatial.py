@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physique.compiled import compiled
+from physique.dense import fill
 
 Array = NDArray[np.float64]
 
@@ -57,7 +58,7 @@ def set_skew(out: Array, a: Array, scale: float) -> None:
 @compiled
 def motion_cross_matrix(out: Array, v: Array) -> None:
     """out (6, 6): m -> v x m."""
-    out[:3, 3:] = 0.0
+    fill(out[:3, 3:], 0.0)
     set_skew(out[:3, :3], v[:3], 1.0)
     set_skew(out[3:, 3:], v[:3], 1.0)
     set_skew(out[3:, :3], v[3:], 1.0)
@@ -66,7 +67,7 @@ def motion_cross_matrix(out: Array, v: Array) -> None:
 @compiled
 def force_matrix(out: Array, f: Array) -> None:
     """out (6, 6): v -> v x* f."""
-    out[3:, 3:] = 0.0
+    fill(out[3:, 3:], 0.0)
     set_skew(out[:3, :3], f[:3], -1.0)
     set_skew(out[:3, 3:], f[3:], -1.0)
     set_skew(out[3:, :3], f[3:], -1.0)
@@ -75,7 +76,7 @@ def force_matrix(out: Array, f: Array) -> None:
 @compiled
 def inertia_matrix(out: Array, packed: Array) -> None:
     """out (6, 6): of MuJoCo's `cinert` (10,), about the common point, kg m2 and kg."""
-    out[:] = 0.0
+    fill(out, 0.0)
     for i in range(3):
         out[i, i] = packed[i]
         out[3 + i, 3 + i] = packed[9]
@@ -99,20 +100,29 @@ def apply(out: Array, matrix: Array, x: Array) -> None:
 @compiled
 def apply_transposed(out: Array, matrix: Array, x: Array) -> None:
     """out (m,) = matrix^T x, of matrix (n, m) and x (n,)."""
-    out[:] = 0.0
-    for i in range(matrix.shape[0]):
-        for j in range(matrix.shape[1]):
-            out[j] += matrix[i, j] * x[i]
+    for j in range(matrix.shape[1]):
+        total = 0.0
+        for i in range(matrix.shape[0]):
+            total += matrix[i, j] * x[i]
+        out[j] = total
 
 
 @compiled
 def multiply(out: Array, a: Array, b: Array) -> None:
     """out (n, k) = a (n, m) b (m, k), for matrices that are too small for BLAS."""
-    out[:] = 0.0
     for i in range(a.shape[0]):
-        for n in range(a.shape[1]):
-            for j in range(b.shape[1]):
-                out[i, j] += a[i, n] * b[n, j]
+        for j in range(b.shape[1]):
+            total = 0.0
+            for n in range(a.shape[1]):
+                total += a[i, n] * b[n, j]
+            out[i, j] = total
+
+
+@compiled
+def add_to(out: Array, a: Array) -> None:
+    """out (n,) += a."""
+    for i in range(len(out)):
+        out[i] += a[i]
 
 
 @compiled

@@ -131,7 +131,8 @@ def _sweep(
     nv = gradient.shape[1] // 2
     gain = 0.0
     v_x, v_xx = gradient[steps].copy(), np.zeros((2 * nv, 2 * nv))
-    v_xx[:nv, :nv], v_xx[nv:, nv:] = hessian[steps, 0], hessian[steps, 1]
+    dense.copy(v_xx[:nv, :nv], hessian[steps, 0])
+    dense.copy(v_xx[nv:, nv:], hessian[steps, 1])
     vv, vq, qq = np.empty((nv, nv)), np.empty((nv, nv)), np.empty((nv, nv))
     by_v, by_q = np.empty((nv, 1)), np.empty(nv)
     root, cross = np.empty((6, nu)), np.empty((nu, nu))
@@ -142,20 +143,23 @@ def _sweep(
     wish, along_k, through = np.empty(nu), np.empty(nu), np.empty((2 * nv, 2 * nv))
     for t in range(steps - 1, -1, -1):
         C, G = s.root_x[t], s.root_w[t]
-        v_x += np.dot(v_xx, gaps[t])
+        for i in range(2 * nv):
+            for j in range(2 * nv):
+                v_x[i] += v_xx[i, j] * gaps[t, j]
         _pull_back(vv, vq, qq, by_v, by_q, v_xx, v_x, s.transport[t], s.rotation[t], s.timestep)
         vr = vv[:6, 6:]
-        cross[:] = 0.0
+        dense.fill(cross, 0.0)
         dense.add_transposed_product(cross, G, vr)
-        root[:] = vr
+        dense.copy(root, vr)
         dense.add_transposed_product(root, vv[:6, :6], G)
         for i in range(nu):
             for j in range(nu):
                 q_ww[i, j] = vv[6 + i, 6 + j] + cross[j, i]
         dense.add_transposed_product(q_ww, G, root)
-        q_w[:] = by_v[6:]
+        dense.copy(q_w, by_v[6:])
         dense.add_transposed_product(q_w, G, by_v[:6])
-        q_wx[:, :nv], q_wx[:, nv:] = vq[6:], 0.0
+        dense.copy(q_wx[:, :nv], vq[6:])
+        dense.fill(q_wx[:, nv:], 0.0)
         dense.add_transposed_product(q_wx[:, :nv], G, vq[:6])
         dense.add_transposed_product(q_wx, root, C)
 
@@ -165,7 +169,8 @@ def _sweep(
                 factor[i, j] = regular[i, j]
         if not dense.cholesky(factor):
             return np.nan
-        k[:] = -q_w
+        for i in range(nu):
+            k[i, 0] = -q_w[i, 0]
         dense.solve(factor, k)
         inside = True
         for i in range(nu):
@@ -181,7 +186,7 @@ def _sweep(
             dense.solve(factor, K)
         elif not _limited(k, K, wish, regular, q_w, s, t):
             return np.nan
-        feedforward[t], joints[t] = wish, K
+        dense.copy(joints[t], K)
 
         # C^T vv C / 2 + C^T [vq 0] + K^T q_ww K / 2 + K^T q_wx, and its transpose.
         np.dot(q_ww, K, half)
@@ -191,15 +196,19 @@ def _sweep(
             total = 0.0
             for j in range(nu):
                 total += q_ww[i, j] * k[j, 0]
+            feedforward[t, i] = wish[i]
             along_k[i] = q_w[i, 0] + total
             gain -= 0.5 * (q_w[i, 0] + along_k[i]) * k[i, 0]
-        left[:6] = C
-        right[:6, :nv], right[:6, nv:] = vq[:6], 0.0
-        vv[:6, :6] *= 0.5
+        dense.copy(left[:6], C)
+        dense.copy(right[:6, :nv], vq[:6])
+        dense.fill(right[:6, nv:], 0.0)
+        for i in range(6):
+            for j in range(6):
+                vv[i, j] *= 0.5
         dense.add_transposed_product(right[:6], vv[:6, :6], C)
         np.dot(left.T, right, through)
-        v_x[:] = gradient[t]
-        v_x[:nv] += by_q
+        for i in range(2 * nv):
+            v_x[i] = gradient[t, i] + (by_q[i] if i < nv else 0.0)
         for i in range(6):
             for j in range(2 * nv):
                 v_x[j] += C[i, j] * by_v[i, 0]
@@ -229,33 +238,46 @@ def _limited(
     nv = nx // 2
     by_target = np.linalg.inv(s.target_w[t])
     q_uu = np.dot(by_target.T, np.dot(regular, by_target))
-    q_u, free = np.dot(by_target.T, q_w)[:, 0].copy(), np.empty(nu, dtype=np.bool_)
-    if not solve_box(wish, free, q_uu, q_u, s.low[t], s.high[t]):
+    q_u, free = np.zeros((nu, 1)), np.empty(nu, dtype=np.bool_)
+    dense.add_transposed_product(q_u, by_target, q_w)
+    if not solve_box(wish, free, q_uu, q_u[:, 0], s.low[t], s.high[t]):
         return False
-    which, held = np.flatnonzero(free), np.flatnonzero(~free)
     q_ux = np.dot(by_target.T, K)
-    q_ux += np.dot(q_uu, s.target_x[t])
-    count = len(which)
+    dense.add(q_ux, np.dot(q_uu, s.target_x[t]))
+    which, count = np.empty(nu, dtype=np.int64), 0
+    for i in range(nu):
+        if free[i]:
+            which[count] = i
+            count += 1
     rows, factor = np.empty((count, nx)), np.empty((count, count))
     for i in range(count):
-        rows[i] = q_ux[which[i]]
+        for j in range(nx):
+            rows[i, j] = q_ux[which[i], j]
         for j in range(count):
             factor[i, j] = q_uu[which[i], which[j]]
         # A joint at its limit keeps its torque, so its target moves along with the joint.
-        for n in held:
-            rows[i, 6 + n] -= q_uu[which[i], n]
-            rows[i, nv + 6 + n] -= q_uu[which[i], n] * s.lag[n]
+        for j in range(nu):
+            if not free[j]:
+                rows[i, 6 + j] -= q_uu[which[i], j]
+                rows[i, nv + 6 + j] -= q_uu[which[i], j] * s.lag[j]
     if not dense.cholesky(factor):
         return False
     dense.solve(factor, rows)
-    q_ux[:] = -s.target_x[t]
+    for i in range(nu):
+        for j in range(nx):
+            q_ux[i, j] = -s.target_x[t, i, j]
+        if not free[i]:
+            q_ux[i, 6 + i] += 1.0
+            q_ux[i, nv + 6 + i] += s.lag[i]
     for i in range(count):
-        q_ux[which[i]] += rows[i]
-    for n in held:
-        q_ux[n, 6 + n] += 1.0
-        q_ux[n, nv + 6 + n] += s.lag[n]
+        for j in range(nx):
+            q_ux[which[i], j] += rows[i, j]
     np.dot(by_target, q_ux, K)
-    k[:, 0] = np.dot(by_target, wish)
+    for i in range(nu):
+        total = 0.0
+        for j in range(nu):
+            total += by_target[i, j] * wish[j]
+        k[i, 0] = total
     return True
 
 
@@ -308,7 +330,7 @@ def _pull_back(
 @compiled
 def _turn_rows(out: Array, matrix: Array, turn: Array) -> None:
     """out = T^T matrix, where T is turn (3, 3) for the pelvis' turn and the identity elsewhere."""
-    out[:] = matrix
+    dense.copy(out, matrix)
     for i in range(3):
         for k in range(matrix.shape[1]):
             out[3 + i, k] = (
@@ -319,7 +341,7 @@ def _turn_rows(out: Array, matrix: Array, turn: Array) -> None:
 @compiled
 def _turn_columns(out: Array, matrix: Array, turn: Array) -> None:
     """out = matrix T."""
-    out[:] = matrix
+    dense.copy(out, matrix)
     for k in range(matrix.shape[0]):
         for i in range(3):
             out[k, 3 + i] = (

@@ -68,7 +68,8 @@ def solve_box(
             return True
         length = 1.0
         while True:
-            new[:] = x
+            for i in range(n):
+                new[i] = x[i]
             for i in range(count):
                 k = which[i]
                 new[k] = min(max(x[k] + length * step[i, 0], low[k]), high[k])
@@ -81,7 +82,8 @@ def solve_box(
             length *= 0.5
             if length < _SHORTEST:
                 return True
-        x[:] = new
+        for i in range(n):
+            x[i] = new[i]
         value = _slope(slope, hessian, gradient, x)
     return True
 
