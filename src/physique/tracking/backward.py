@@ -5,7 +5,7 @@ chosen instead of their targets: those of the root follow from the six equations
 no torque, and the targets from the other fifty. So each step costs a few products with six rows,
 one solution of a (50, 50) system and one product of the size of the state.
 
-Torque limits are box limits of each step's quadratic program (`box`).
+Torque limits are limits of each step's quadratic program (`box`).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from physique.compiled import compiled
 from physique.simulation.linearize import Linearization
 from physique.simulation.rollout import Rollout, usable_limit
 from physique.simulation.state import difference
-from physique.tracking.box import solve_box
+from physique.tracking.box import hold
 from physique.tracking.costs import Quadratic
 from physique.tracking.problem import Problem
 
@@ -137,7 +137,7 @@ def _sweep(
     by_v, by_q = np.empty((nv, 1)), np.empty(nv)
     root, cross = np.empty((6, nu)), np.empty((nu, nu))
     q_ww, q_w, q_wx = np.empty((nu, nu)), np.empty((nu, 1)), np.empty((nu, 2 * nv))
-    regular, factor, k = np.empty((nu, nu)), np.empty((nu, nu)), np.empty((nu, 1))
+    factor, k = np.empty((nu, nu)), np.empty((nu, 1))
     left, right = np.empty((nv, 2 * nv)), np.empty((nv, 2 * nv))
     K, half = left[6:], right[6:]
     wish, along_k, through = np.empty(nu), np.empty(nu), np.empty((2 * nv, 2 * nv))
@@ -165,8 +165,7 @@ def _sweep(
 
         for i in range(nu):
             for j in range(nu):
-                regular[i, j] = q_ww[i, j] + s.damp_w[t, i, j]
-                factor[i, j] = regular[i, j]
+                factor[i, j] = q_ww[i, j] + s.damp_w[t, i, j]
         if not dense.cholesky(factor):
             return np.nan
         for i in range(nu):
@@ -182,9 +181,8 @@ def _sweep(
         for i in range(nu):
             for j in range(2 * nv):
                 K[i, j] = -q_wx[i, j] - s.damp_x[t, i, j]
-        if inside:
-            dense.solve(factor, K)
-        elif not _limited(k, K, wish, regular, q_w, s, t):
+        dense.solve(factor, K)
+        if not inside and not _limit(k, K, wish, factor, s, t):
             return np.nan
         dense.copy(joints[t], K)
 
@@ -226,59 +224,31 @@ def _sweep(
 
 
 @compiled
-def _limited(
-    k: Array, K: Array, wish: Array, regular: Array, q_w: Array, s: _Steps, t: int
-) -> bool:
-    """Replace the step's policy w = k + K dx, (50, 1), (50, 112), by one whose targets keep their
-    limits, and `wish` (50,) by the change of these targets. False where there is none.
-
-    K holds -(q_wx + damp_x) before; wish the change without limits, where the search begins.
-    """
+def _limit(k: Array, K: Array, wish: Array, factor: Array, s: _Steps, t: int) -> bool:
+    """Bring the step's policy w = k + K dx, (50, 1), (50, 112), and the change `wish` (50,) of the
+    targets within the limits; factor (50, 50): Cholesky's, of the second derivative by w."""
     nu, nx = K.shape
-    nv = nx // 2
-    by_target = np.linalg.inv(s.target_w[t])
-    q_uu = np.dot(by_target.T, np.dot(regular, by_target))
-    q_u, free = np.zeros((nu, 1)), np.empty(nu, dtype=np.bool_)
-    dense.add_transposed_product(q_u, by_target, q_w)
-    if not solve_box(wish, free, q_uu, q_u[:, 0], s.low[t], s.high[t]):
-        return False
-    q_ux = np.dot(by_target.T, K)
-    dense.add(q_ux, np.dot(q_uu, s.target_x[t]))
-    which, count = np.empty(nu, dtype=np.int64), 0
-    for i in range(nu):
-        if free[i]:
-            which[count] = i
-            count += 1
-    rows, factor = np.empty((count, nx)), np.empty((count, count))
-    for i in range(count):
-        for j in range(nx):
-            rows[i, j] = q_ux[which[i], j]
-        for j in range(count):
-            factor[i, j] = q_uu[which[i], which[j]]
+    nv, T, free = nx // 2, s.target_w[t], wish.copy()
+    which, Y, system, force = hold(wish, free, T, factor, s.low[t], s.high[t])
+    m = len(which)
+    rows = np.empty((m, nx))
+    for i in range(m):
+        c = which[i]
         # A joint at its limit keeps its torque, so its target moves along with the joint.
-        for j in range(nu):
-            if not free[j]:
-                rows[i, 6 + j] -= q_uu[which[i], j]
-                rows[i, nv + 6 + j] -= q_uu[which[i], j] * s.lag[j]
-    if not dense.cholesky(factor):
-        return False
-    dense.solve(factor, rows)
-    for i in range(nu):
         for j in range(nx):
-            q_ux[i, j] = -s.target_x[t, i, j]
-        if not free[i]:
-            q_ux[i, 6 + i] += 1.0
-            q_ux[i, nv + 6 + i] += s.lag[i]
-    for i in range(count):
-        for j in range(nx):
-            q_ux[which[i], j] += rows[i, j]
-    np.dot(by_target, q_ux, K)
-    for i in range(nu):
-        total = 0.0
-        for j in range(nu):
-            total += by_target[i, j] * wish[j]
-        k[i, 0] = total
-    return True
+            rows[i, j] = s.target_x[t, c, j]
+        rows[i, 6 + c] -= 1.0
+        rows[i, nv + 6 + c] -= s.lag[c]
+        for n in range(nu):
+            for j in range(nx):
+                rows[i, j] += T[c, n] * K[n, j]
+    dense.solve(system, rows)
+    for n in range(nu):
+        for i in range(m):
+            k[n, 0] -= Y[n, i] * force[i, 0]
+            for j in range(nx):
+                K[n, j] -= Y[n, i] * rows[i, j]
+    return np.isfinite(k[0, 0])
 
 
 @compiled

@@ -1,6 +1,11 @@
-"""Small convex quadratic programs with box limits, by projected Newton steps.
+"""Convex quadratic programs with limits, in the variables of their Cholesky factor.
 
-After Tassa, Mansard and Todorov, "Control-Limited Differential Dynamic Programming" (ICRA 2014).
+Minimise w^T H w / 2 + g^T w where low <= T w <= high. Each limit that holds is one equation, so a
+choice of limits costs one solution by the factor of H and a system as large as there are limits.
+
+The choice is found by block principal pivoting: all that is wrong changes at once, and where this
+does not help any more, one at a time, which always ends (Judice and Pires, "A block principal
+pivoting algorithm for large-scale strictly monotone linear complementarity problems", 1994).
 """
 
 from __future__ import annotations
@@ -12,101 +17,80 @@ from physique import dense
 from physique.compiled import compiled
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int64]
 
-_ITERATIONS = 30
-_TOLERANCE = 1e-12
-_SUFFICIENT = 0.1
-_SHORTEST = 1e-4
+_PATIENCE = 3
+_CHOICES = 500
 
 
 @compiled
-def solve_box(
-    x: Array, free: NDArray[np.bool_], hessian: Array, gradient: Array, low: Array, high: Array
-) -> bool:
-    """Fill x (n,) with what minimises x^T H x / 2 + g^T x between low and high (n,), and `free`
-    (n,) with which of it stays clear of its limits. False if H (n, n) is not positive definite.
+def hold(
+    y: Array, wish: Array, T: Array, factor: Array, low: Array, high: Array
+) -> tuple[Index, Array, Array, Array]:
+    """Which of y = T w meet their limits at the optimum, which of them m; and how w follows.
 
-    low <= 0 <= high is not needed, low <= high is. What x holds before is where the search begins.
+    wish (n,): y of the optimum without limits; y (n,) becomes that of the optimum. T (n, n);
+    factor (n, n): the lower Cholesky factor of H; low < high (n,).
+
+    Returns which (m,), Y = H^-1 T_c^T (n, m), the Cholesky factor of T_c Y (m, m), and the force
+    (m, 1) of each limit: w moves by -Y force. No choice is returned as a force that is NaN.
     """
-    n = len(x)
+    n = len(wish)
+    at = np.zeros(n, dtype=np.int64)  # +1 at the high limit, -1 at the low one
+    wrong = np.zeros(n, dtype=np.int64)
     for i in range(n):
-        x[i] = min(max(x[i], low[i]), high[i])
-        free[i] = True
-    slope, factor = np.empty(n), np.empty((n, n))
-    step, new = np.empty((n, 1)), np.empty(n)
-    which = np.empty(n, dtype=np.int64)
-    value = _slope(slope, hessian, gradient, x)
-    scale = -1.0
-    count = -1
-    for _ in range(_ITERATIONS):
-        changed = count < 0
+        y[i] = wish[i]
+    fewest, patience = n + 1, _PATIENCE
+    which, Y, system = np.flatnonzero(at), np.empty((n, 0)), np.empty((0, 0))
+    force = np.empty((0, 1))
+    for _ in range(_CHOICES):
         count = 0
         for i in range(n):
-            held = (x[i] <= low[i] and slope[i] > 0.0) or (x[i] >= high[i] and slope[i] < 0.0)
-            changed = changed or held == free[i]
-            free[i] = not held
-            if not held:
-                which[count] = i
+            wrong[i] = 0
+            if at[i] == 0 and (y[i] > high[i] or y[i] < low[i]):
+                wrong[i] = 1 if y[i] > high[i] else -1
+                count += 1
+        for i in range(len(which)):
+            if force[i, 0] * at[which[i]] < 0.0:  # it pulls at its limit
+                wrong[which[i]] = 2
                 count += 1
         if count == 0:
-            return True
-        if changed:
-            for i in range(count):
-                for j in range(i + 1):
-                    factor[i, j] = hessian[which[i], which[j]]
-            if not dense.cholesky(factor[:count, :count]):
-                return False
-        for i in range(count):
-            step[i, 0] = -slope[which[i]]
-        dense.solve(factor[:count, :count], step[:count])
-        expected = 0.0
-        for i in range(count):
-            expected += slope[which[i]] * step[i, 0]
-        if scale < 0.0:
-            scale = -expected
-        if -expected <= _TOLERANCE * scale:
-            return True
-        length = 1.0
-        while True:
-            for i in range(n):
-                new[i] = x[i]
-            for i in range(count):
-                k = which[i]
-                new[k] = min(max(x[k] + length * step[i, 0], low[k]), high[k])
-            gained = 0.0
-            for i in range(n):
-                gained += slope[i] * (new[i] - x[i])
-            new_value = _value(hessian, gradient, new)
-            if new_value - value <= _SUFFICIENT * gained:
-                break
-            length *= 0.5
-            if length < _SHORTEST:
-                return True
+            return which, Y, system, force
+        if count < fewest:
+            fewest, patience = count, _PATIENCE
+        elif patience > 0:
+            patience -= 1
+        one = patience == 0 and count >= fewest
+        for i in range(n - 1, -1, -1):
+            if wrong[i] != 0:
+                at[i] = 0 if wrong[i] == 2 else wrong[i]
+                if one:
+                    break
+        which = np.flatnonzero(at)
+        m = len(which)
+        Y, system, force = np.empty((n, m)), np.zeros((m, m)), np.empty((m, 1))
+        for j in range(n):
+            for i in range(m):
+                Y[j, i] = T[which[i], j]
+        dense.solve(factor, Y)
+        for i in range(m):
+            c = which[i]
+            force[i, 0] = wish[c] - (high[c] if at[c] > 0 else low[c])
+            for j in range(n):
+                for k in range(m):
+                    system[i, k] += T[c, j] * Y[j, k]
+        if not dense.cholesky(system):
+            break
+        dense.solve(system, force)
         for i in range(n):
-            x[i] = new[i]
-        value = _slope(slope, hessian, gradient, x)
-    return True
-
-
-@compiled
-def _value(hessian: Array, gradient: Array, x: Array) -> float:
-    total = 0.0
-    for i in range(len(x)):
-        row = gradient[i]
-        for j in range(len(x)):
-            row += 0.5 * hessian[i, j] * x[j]
-        total += row * x[i]
-    return total
-
-
-@compiled
-def _slope(out: Array, hessian: Array, gradient: Array, x: Array) -> float:
-    """Fill out (n,) with H x + g; the value at x."""
-    total = 0.0
-    for i in range(len(x)):
-        row = 0.0
-        for j in range(len(x)):
-            row += hessian[i, j] * x[j]
-        out[i] = row + gradient[i]
-        total += (0.5 * row + gradient[i]) * x[i]
-    return total
+            y[i] = wish[i]
+        for j in range(n):
+            away = 0.0
+            for i in range(m):
+                away += Y[j, i] * force[i, 0]
+            for i in range(n):
+                y[i] -= T[i, j] * away
+        for i in range(m):
+            y[which[i]] = high[which[i]] if at[which[i]] > 0 else low[which[i]]
+    force = np.full((len(which), 1), np.nan)
+    return which, Y, system, force
