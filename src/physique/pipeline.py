@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import logging
 import math
 import os
@@ -49,6 +48,7 @@ OptimizerName = Literal["fast", "paper"]
 _MOST_THREADS = 8  # a window is too small a job for more
 #: What each optimiser looks ahead and keeps. The paper's is a pair of windows of 0.4 s.
 SCHEDULES: dict[OptimizerName, Schedule] = {"fast": Schedule(), "paper": Schedule(0.8, 0.4)}
+_SHORTEST_HORIZON = 0.2  # s
 _LONGEST_HORIZON = 5.0  # s
 
 
@@ -302,14 +302,15 @@ def _schedule(optimizer: OptimizerName, horizon: float | None) -> Schedule:
     schedule = SCHEDULES[optimizer]
     if horizon is None:
         return schedule
-    if not (math.isfinite(horizon) and schedule.commit <= horizon <= _LONGEST_HORIZON):
+    if not (math.isfinite(horizon) and _SHORTEST_HORIZON <= horizon <= _LONGEST_HORIZON):
         raise InputError(
             "horizon",
             f"{horizon:g} s",
-            f"{schedule.commit:g} to {_LONGEST_HORIZON:g} s",
+            f"{_SHORTEST_HORIZON:g} to {_LONGEST_HORIZON:g} s",
             "correct the value",
         )
-    return dataclasses.replace(schedule, horizon=float(horizon))
+    # Nothing is kept that was not looked at.
+    return Schedule(horizon=float(horizon), commit=min(schedule.commit, float(horizon)))
 
 
 def _threads(threads: int | None) -> int:

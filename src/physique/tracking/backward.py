@@ -229,8 +229,11 @@ def _limit(k: Array, K: Array, wish: Array, factor: Array, s: _Steps, t: int) ->
     targets within the limits; factor (50, 50): Cholesky's, of the second derivative by w."""
     nu, nx = K.shape
     nv, T, free = nx // 2, s.target_w[t], wish.copy()
-    which, Y, system, force = hold(wish, free, T, factor, s.low[t], s.high[t])
-    m = len(which)
+    which, Y = np.empty(nu, dtype=np.int64), np.empty((nu, nu))
+    system, force = np.empty((nu, nu)), np.empty((nu, 1))
+    m = hold(wish, which, Y, system, force, free, T, factor, s.low[t], s.high[t])
+    if m < 0:
+        return False
     rows = np.empty((m, nx))
     for i in range(m):
         c = which[i]
@@ -242,13 +245,13 @@ def _limit(k: Array, K: Array, wish: Array, factor: Array, s: _Steps, t: int) ->
         for n in range(nu):
             for j in range(nx):
                 rows[i, j] += T[c, n] * K[n, j]
-    dense.solve(system, rows)
+    dense.solve(system[:m, :m], rows)
     for n in range(nu):
         for i in range(m):
             k[n, 0] -= Y[n, i] * force[i, 0]
             for j in range(nx):
                 K[n, j] -= Y[n, i] * rows[i, j]
-    return np.isfinite(k[0, 0])
+    return True
 
 
 @compiled

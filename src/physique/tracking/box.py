@@ -25,24 +25,32 @@ _CHOICES = 500
 
 @compiled
 def hold(
-    y: Array, wish: Array, T: Array, factor: Array, low: Array, high: Array
-) -> tuple[Index, Array, Array, Array]:
-    """Which of y = T w meet their limits at the optimum, which of them m; and how w follows.
+    y: Array,
+    which: Index,
+    Y: Array,
+    system: Array,
+    force: Array,
+    wish: Array,
+    T: Array,
+    factor: Array,
+    low: Array,
+    high: Array,
+) -> int:
+    """How many of y = T w meet their limits at the optimum; which of them, and how w follows.
 
-    wish (n,): y of the optimum without limits; y (n,) becomes that of the optimum. T (n, n);
-    factor (n, n): the lower Cholesky factor of H; low < high (n,).
+    wish (n,): y of the optimum without limits. T (n, n); factor (n, n): the lower Cholesky factor
+    of H; low < high (n,).
 
-    Returns which (m,), Y = H^-1 T_c^T (n, m), the Cholesky factor of T_c Y (m, m), and the force
-    (m, 1) of each limit: w moves by -Y force. No choice is returned as a force that is NaN.
+    Fills y (n,) with that of the optimum and, for the m limits c that hold: which (n,), Y (n, n)
+    with H^-1 T_c^T in its first m columns, system (n, n) with the Cholesky factor of T_c Y, and
+    force (n, 1) of each limit: w moves by -Y force. Returns m, or -1 where no choice stands.
     """
     n = len(wish)
     at = np.zeros(n, dtype=np.int64)  # +1 at the high limit, -1 at the low one
     wrong = np.zeros(n, dtype=np.int64)
     for i in range(n):
         y[i] = wish[i]
-    fewest, patience = n + 1, _PATIENCE
-    which, Y, system = np.flatnonzero(at), np.empty((n, 0)), np.empty((0, 0))
-    force = np.empty((0, 1))
+    fewest, patience, m = n + 1, _PATIENCE, 0
     for _ in range(_CHOICES):
         count = 0
         for i in range(n):
@@ -50,12 +58,12 @@ def hold(
             if at[i] == 0 and (y[i] > high[i] or y[i] < low[i]):
                 wrong[i] = 1 if y[i] > high[i] else -1
                 count += 1
-        for i in range(len(which)):
+        for i in range(m):
             if force[i, 0] * at[which[i]] < 0.0:  # it pulls at its limit
                 wrong[which[i]] = 2
                 count += 1
         if count == 0:
-            return which, Y, system, force
+            return m
         if count < fewest:
             fewest, patience = count, _PATIENCE
         elif patience > 0:
@@ -66,22 +74,25 @@ def hold(
                 at[i] = 0 if wrong[i] == 2 else wrong[i]
                 if one:
                     break
-        which = np.flatnonzero(at)
-        m = len(which)
-        Y, system, force = np.empty((n, m)), np.zeros((m, m)), np.empty((m, 1))
+        m = 0
+        for i in range(n):
+            if at[i] != 0:
+                which[m] = i
+                m += 1
         for j in range(n):
             for i in range(m):
                 Y[j, i] = T[which[i], j]
-        dense.solve(factor, Y)
+        dense.solve(factor, Y[:, :m])
+        dense.fill(system, 0.0)
         for i in range(m):
             c = which[i]
             force[i, 0] = wish[c] - (high[c] if at[c] > 0 else low[c])
             for j in range(n):
                 for k in range(m):
                     system[i, k] += T[c, j] * Y[j, k]
-        if not dense.cholesky(system):
-            break
-        dense.solve(system, force)
+        if not dense.cholesky(system[:m, :m]):
+            return -1
+        dense.solve(system[:m, :m], force[:m])
         for i in range(n):
             y[i] = wish[i]
         for j in range(n):
@@ -92,5 +103,4 @@ def hold(
                 y[i] -= T[i, j] * away
         for i in range(m):
             y[which[i]] = high[which[i]] if at[which[i]] > 0 else low[which[i]]
-    force = np.full((len(which), 1), np.nan)
-    return which, Y, system, force
+    return -1

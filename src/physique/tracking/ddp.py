@@ -30,7 +30,8 @@ Array = NDArray[np.float64]
 class Options:
     """Settings of the optimiser.
 
-    iterations: at most. tolerance: stop when the model promises less than this fraction of E.
+    iterations: at most. tolerance: stop when the model promises less than this fraction of E, or of
+        `enough` where E is below it: easy windows need not be perfect, hard ones get the time.
     kink: rad, where Eq. 7's model is rounded off; first_kink: while the gaps of the nominal motion
         are closed. An orientation held tightly from the start leaves a motion that is far off no
         way to get nearer (E 6.3 instead of 0.6 on a window of the walk).
@@ -39,13 +40,14 @@ class Options:
         tried side by side to close the gaps of the nominal motion.
     """
 
-    iterations: int = 20
-    tolerance: float = 0.02
+    iterations: int = 14
+    tolerance: float = 0.1
+    enough: float = 5.0
     kink: float = 0.01
     first_kink: float = 0.3
     step_lengths: tuple[float, ...] = (1.0, 0.5, 0.25, 0.1, 0.03, 0.01)
     damping: float = 3.0
-    start_dampings: tuple[float, ...] = (1.0, 10.0)
+    start_dampings: tuple[float, ...] = (3.0,)
     damping_least: float = 1e-5
     damping_most: float = 1e4
 
@@ -79,7 +81,8 @@ def solve(
         policy = backward(problem, best, *derivatives, damping)
         found = None
         if policy is not None:
-            if policy.gain < options.tolerance * cost and damping <= options.damping:
+            least = options.tolerance * max(cost, options.enough)
+            if policy.gain < least and damping <= options.damping:
                 status = "converged"
                 break
             found = _line_search(problem, simulator, best, cost, policy, options.step_lengths)

@@ -31,7 +31,7 @@ class Schedule:
     """horizon: s that each window looks ahead. commit: s of it that are kept."""
 
     horizon: float = 0.8
-    commit: float = 0.2
+    commit: float = 0.3
 
 
 @dataclass(frozen=True)
