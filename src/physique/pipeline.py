@@ -7,7 +7,7 @@ import math
 import os
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -47,7 +47,10 @@ OptimizerName = Literal["fast", "paper"]
 
 _MOST_THREADS = 8  # a window is too small a job for more
 #: What each optimiser looks ahead and keeps. The paper's is a pair of windows of 0.4 s.
-SCHEDULES: dict[OptimizerName, Schedule] = {"fast": Schedule(), "paper": Schedule(0.8, 0.4)}
+SCHEDULES: dict[OptimizerName, Schedule] = {
+    "fast": Schedule(),
+    "paper": Schedule(0.8, 0.4, careful=0.4),
+}
 _SHORTEST_HORIZON = 0.2  # s
 _LONGEST_HORIZON = 5.0  # s
 
@@ -136,6 +139,8 @@ def retarget(
             "torque_limit": torque_limit,
             "horizon": schedule.horizon,
             "commit": schedule.commit,
+            "careful_commit": schedule.careful,
+            "hard": schedule.hard,
             "seed": seed,
             "versions": versions(),
         },
@@ -310,7 +315,7 @@ def _schedule(optimizer: OptimizerName, horizon: float | None) -> Schedule:
             "correct the value",
         )
     # Nothing is kept that was not looked at.
-    return Schedule(horizon=float(horizon), commit=min(schedule.commit, float(horizon)))
+    return replace(schedule, horizon=float(horizon), commit=min(schedule.commit, float(horizon)))
 
 
 def _threads(threads: int | None) -> int:

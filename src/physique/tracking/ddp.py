@@ -42,12 +42,12 @@ class Options:
 
     iterations: int = 14
     tolerance: float = 0.1
-    enough: float = 5.0
+    enough: float = 2.0
     kink: float = 0.01
     first_kink: float = 0.3
     step_lengths: tuple[float, ...] = (1.0, 0.5, 0.25, 0.1, 0.03, 0.01)
     damping: float = 3.0
-    start_dampings: tuple[float, ...] = (3.0,)
+    start_dampings: tuple[float, ...] = (1.0, 10.0)
     damping_least: float = 1e-5
     damping_most: float = 1e4
 

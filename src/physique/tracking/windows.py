@@ -28,10 +28,14 @@ Optimizer = Callable[[Problem, Simulator, Rollout], Solution]
 
 @dataclass(frozen=True)
 class Schedule:
-    """horizon: s that each window looks ahead. commit: s of it that are kept."""
+    """horizon: s that each window looks ahead. commit: s of it that are kept, or `careful` where E
+    of the window exceeds `hard`: where the body cannot follow, what is best changes as soon as more
+    of the future is seen."""
 
     horizon: float = 0.8
     commit: float = 0.3
+    careful: float = 0.15
+    hard: float = 20.0
 
 
 @dataclass(frozen=True)
@@ -74,19 +78,21 @@ def track(
     """The windows after those in `done`, one by one, from the start state q0 (57,), v0 (56,)."""
     timestep = reference.timestep
     horizon, commit = round(schedule.horizon / timestep), round(schedule.commit / timestep)
+    careful = min(commit, round(schedule.careful / timestep))
     last = reference.frames - 1
     previous = done[-1] if done else None
     start = previous.stop if previous else 0
     while start < last:
         end = min(start + horizon, last)
         # A window that reaches the end has nothing left to look at: keep it whole.
-        stop = end if end == last else start + commit
+        keep = (last, last) if end == last else (start + commit, start + careful)
         q, v = (previous.q[-1], previous.v[-1]) if previous else (q0, v0)
         previous = _optimize(
-            character, reference, q, v, (start, stop, end), previous, simulator, optimizer, weights
-        )
+            character, reference, q, v, (start, end), keep, schedule.hard, previous, simulator,
+            optimizer, weights,
+        )  # fmt: skip
         yield previous
-        start = stop
+        start = previous.stop
 
 
 def _optimize(
@@ -94,13 +100,15 @@ def _optimize(
     reference: Reference,
     q: Array,
     v: Array,
-    frames: tuple[int, int, int],
+    frames: tuple[int, int],
+    stops: tuple[int, int],
+    hard: float,
     previous: Window | None,
     simulator: Simulator,
     optimizer: Optimizer,
     weights: Weights,
 ) -> Window:
-    start, stop, end = frames
+    start, end = frames
     com = simulator.com(q)
     shift = com[:2] - reference.com[start, :2]
     target = reference.target(start, end + 1, shift)
@@ -116,6 +124,7 @@ def _optimize(
     before = simulator.steps
     solution = optimizer(problem, simulator, nominal_motion(problem, nominal_q, nominal_v, control))
     motion = solution.rollout
+    stop = stops[1] if solution.cost > hard else stops[0]
     keep = stop - start
     terms = problem.terms(motion.q, motion.v, motion.com, motion.com_velocity)
     return Window(
