@@ -37,6 +37,7 @@ from physique.simulation.character import Character, make_character
 from physique.simulation.quiet import quiet
 from physique.simulation.rollout import Rollout
 from physique.simulation.simulator import Simulator
+from physique.store import write_atomic
 from physique.tracking import cma, ddp
 from physique.tracking.problem import Problem, Solution, nominal_motion
 from physique.tracking.reference import make_reference
@@ -181,9 +182,7 @@ def save(results: dict, out: Path) -> None:
     """Replace the stored results as a whole."""
     path = out / RESULTS
     path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_suffix(".partial")
-    partial.write_text(json.dumps(results) + "\n", encoding="utf-8")
-    partial.replace(path)
+    write_atomic(path, f"{json.dumps(results)}\n".encode())
 
 
 def merge(results: dict, other: dict) -> None:

@@ -1,7 +1,7 @@
 """Every clip on every ready body: who can follow what, and where it fails.
 
     python benchmarks/matrix.py                      # all cells, hours on two cores
-    python benchmarks/matrix.py --bodies average     # one column, a quarter of an hour
+    python benchmarks/matrix.py --bodies average     # one column
     python benchmarks/matrix.py --clips walk,punch   # some rows
     python benchmarks/matrix.py --report             # the page from what is stored
 
@@ -14,13 +14,13 @@ docs/images/matrix.png, under another folder with `--out FOLDER`.
 from __future__ import annotations
 
 import argparse
-import json
 import multiprocessing
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 from PIL import Image
 
@@ -28,6 +28,7 @@ import physique
 from physique.body.named import PEOPLE
 from physique.export.picture import strip
 from physique.motion.library import list_clips
+from physique.store import read_json, write_json
 
 ROOT = Path(__file__).resolve().parents[1]
 MOCAP = ROOT.parent / "shared" / "mocap"
@@ -84,16 +85,14 @@ def run_cell(clip: Clip, body: str) -> dict[str, Any]:
 def load(out: Path) -> dict[str, dict[str, Any]]:
     """Clip -> body -> cell."""
     path = out / RESULTS
-    return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    return read_json(path) if path.is_file() else {}
 
 
 def save(cells: dict[str, dict[str, Any]], out: Path) -> None:
     """Replace what is stored as a whole."""
     path = out / RESULTS
     path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_suffix(".partial")
-    partial.write_text(json.dumps(cells, indent=1) + "\n", encoding="utf-8")
-    partial.replace(path)
+    write_json(path, cells)
 
 
 def main() -> None:
@@ -196,9 +195,10 @@ def summary(cells: dict[str, dict[str, Any]], bodies: list[str]) -> list[str]:
         if "lost_s" in cell
     ]
     refused = [
-        f"- {name}: {next(iter(row.values()))['refused']}"
+        f"- {name}, {body}: {cell['refused']}"
         for name, row in cells.items()
-        if any("refused" in cell for cell in row.values())
+        for body, cell in row.items()
+        if "refused" in cell
     ]
     if lost:
         lines += ["", "Lost:", "", *lost]
@@ -212,13 +212,12 @@ def pictures() -> np.ndarray:
     strips = []
     for clip, body in PICTURES:
         run = physique.retarget(clip, body)
+        model = mujoco.MjModel.from_xml_string(run.character_xml)
         strips.append(
             strip(
-                physique.make_character(
-                    physique.capsule_body(physique.named_body(body)), 100.0
-                ).model,
-                run.trajectory.q, 8, fps=100.0, reference_q=run.trajectory.reference_q,
-                panel=(130, 180), labels=("reference", f"{clip}, {body}"),
+                model, run.trajectory.q, 8, fps=1.0 / model.opt.timestep,
+                reference_q=run.trajectory.reference_q, panel=(130, 180),
+                labels=("reference", f"{clip}, {body}"),
             )
         )  # fmt: skip
     width = max(s.shape[1] for s in strips)
