@@ -37,6 +37,10 @@ class Schedule:
     careful: float = 0.15
     hard: float = 20.0
 
+    def kept(self, cost: float) -> float:
+        """s that are kept of a window with this E."""
+        return min(self.commit, self.careful) if cost > self.hard else self.commit
+
 
 @dataclass(frozen=True)
 class Window:
@@ -76,21 +80,14 @@ def track(
     done: list[Window],
 ) -> Iterator[Window]:
     """The windows after those in `done`, one by one, from the start state q0 (57,), v0 (56,)."""
-    timestep = reference.timestep
-    horizon, commit = round(schedule.horizon / timestep), round(schedule.commit / timestep)
-    careful = min(commit, round(schedule.careful / timestep))
     last = reference.frames - 1
     previous = done[-1] if done else None
     start = previous.stop if previous else 0
     while start < last:
-        end = min(start + horizon, last)
-        # A window that reaches the end has nothing left to look at: keep it whole.
-        keep = (last, last) if end == last else (start + commit, start + careful)
         q, v = (previous.q[-1], previous.v[-1]) if previous else (q0, v0)
         previous = _optimize(
-            character, reference, q, v, (start, end), keep, schedule.hard, previous, simulator,
-            optimizer, weights,
-        )  # fmt: skip
+            character, reference, q, v, start, previous, simulator, optimizer, schedule, weights
+        )
         yield previous
         start = previous.stop
 
@@ -100,15 +97,15 @@ def _optimize(
     reference: Reference,
     q: Array,
     v: Array,
-    frames: tuple[int, int],
-    stops: tuple[int, int],
-    hard: float,
+    start: int,
     previous: Window | None,
     simulator: Simulator,
     optimizer: Optimizer,
+    schedule: Schedule,
     weights: Weights,
 ) -> Window:
-    start, end = frames
+    timestep, last = reference.timestep, reference.frames - 1
+    end = min(start + round(schedule.horizon / timestep), last)
     com = simulator.com(q)
     shift = com[:2] - reference.com[start, :2]
     target = reference.target(start, end + 1, shift)
@@ -124,12 +121,13 @@ def _optimize(
     before = simulator.steps
     solution = optimizer(problem, simulator, nominal_motion(problem, nominal_q, nominal_v, control))
     motion = solution.rollout
-    stop = stops[1] if solution.cost > hard else stops[0]
-    keep = stop - start
+    keep = round(schedule.kept(solution.cost) / timestep)
+    if end == last:  # nothing is left to look at: keep it whole
+        keep = end - start
     terms = problem.terms(motion.q, motion.v, motion.com, motion.com_velocity)
     return Window(
         start=start,
-        stop=stop,
+        stop=start + keep,
         q=motion.q[: keep + 1],
         v=motion.v[: keep + 1],
         control=motion.control[:keep],
