@@ -1,4 +1,5 @@
-"""Small dense matrices in compiled code: products and Cholesky factors without allocation.
+"""Small dense matrices in compiled code: products and Cholesky factors without allocation. What a
+function fills is its first argument.
 
 BLAS is for large products; here calls to it would cost more than the arithmetic. Plain loops in
 place of array expressions compile ten times faster.
@@ -36,6 +37,34 @@ def add(out: Array, a: Array) -> None:
     for i in range(out.shape[0]):
         for j in range(out.shape[1]):
             out[i, j] += a[i, j]
+
+
+@compiled
+def add_vector(out: Array, a: Array) -> None:
+    """out (n,) += a."""
+    for i in range(len(out)):
+        out[i] += a[i]
+
+
+@compiled
+def apply(out: Array, matrix: Array, x: Array) -> None:
+    """out (n,) = matrix (n, m) x (m,)."""
+    for i in range(matrix.shape[0]):
+        total = 0.0
+        for j in range(matrix.shape[1]):
+            total += matrix[i, j] * x[j]
+        out[i] = total
+
+
+@compiled
+def multiply(out: Array, a: Array, b: Array) -> None:
+    """out (n, k) = a (n, m) b (m, k), for matrices that are too small for BLAS."""
+    for i in range(a.shape[0]):
+        for j in range(b.shape[1]):
+            total = 0.0
+            for n in range(a.shape[1]):
+                total += a[i, n] * b[n, j]
+            out[i, j] = total
 
 
 @compiled

@@ -20,16 +20,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physique.compiled import compiled
-from physique.dense import add, fill
+from physique.dense import add, add_vector, apply, fill, multiply
 from physique.simulation.smooth import Tree, add_up
 from physique.simulation.spatial import (
-    add_to,
-    apply,
     cross,
     dot,
     force_cross,
     motion_cross,
-    multiply,
     set_skew,
 )
 
@@ -240,12 +237,12 @@ def subtract_derivatives(
                         away[i] = velocity[end_j, i] - before_v[j, i]
                     motion_cross(rate, axis[j], away)
                     apply(some, W[:, 6:12], rate)
-                    add_to(by_z, some)
+                    add_vector(by_z, some)
                     for i in range(6):
                         away[i] = acceleration[end_j, i] - before_a[j, i]
                     motion_cross(rate, axis[j], away)
                     apply(some, W[:, 12:], rate)
-                    add_to(by_z, some)
+                    add_vector(by_z, some)
                     k = tree.last[touching[first]]
                     while k >= 0:
                         by_q[t, k, j] -= dot(axis[k], by_z)
@@ -255,7 +252,7 @@ def subtract_derivatives(
                     j = tree.parent[j]
         # The axes that the forces work on move too.
         for b in range(bodies - 1, 0, -1):
-            add_to(load[tree.body_parent[b]], load[b])
+            add_vector(load[tree.body_parent[b]], load[b])
         for k in range(3, nv):
             force_cross(some, axis[k], load[tree.body[k]])
             j = tree.parent[k] if k >= 6 else 5

@@ -14,11 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physique.compiled import compiled
-from physique.dense import add, fill
+from physique.dense import add, add_vector, apply, fill
 from physique.simulation.spatial import (
-    add_to,
-    apply,
-    apply_transposed,
     dot,
     force_cross,
     force_matrix,
@@ -141,19 +138,19 @@ def derivatives(
                     B_c[b, i, j] -= total
             apply(F_c[b], I, acceleration[tree.last[b]])
             force_cross(force, V, momentum)
-            add_to(F_c[b], force)
+            add_vector(F_c[b], force)
         for b in range(bodies - 1, 0, -1):
             add(I_c[tree.body_parent[b]], I_c[b])
             add(B_c[tree.body_parent[b]], B_c[b])
-            add_to(F_c[tree.body_parent[b]], F_c[b])
+            add_vector(F_c[tree.body_parent[b]], F_c[b])
 
         for k in range(nv):
             motion_cross(S1[k], before_v[k], axis[k])
             motion_cross(S2[k], before_a[k], axis[k])
             motion_cross(some, before_v[k], S1[k])
-            add_to(S2[k], some)
+            add_vector(S2[k], some)
             motion_cross(S_rate[k], moving[k], axis[k])
-            add_to(S_rate[k], S1[k])
+            add_vector(S_rate[k], S1[k])
         fill(by_q[t], 0.0)
         fill(by_v[t], 0.0)
         fill(mass[t], 0.0)
@@ -161,15 +158,15 @@ def derivatives(
             b = tree.body[k]
             S, I, B = axis[k], I_c[b], B_c[b]  # noqa: E741
             apply(IS, I, S)
-            apply_transposed(BS, B, S)
+            apply(BS, B.T, S)
             apply(up_q, B, S1[k])
             apply(some, I, S2[k])
-            add_to(up_q, some)
+            add_vector(up_q, some)
             force_cross(some, S, F_c[b])
-            add_to(up_q, some)
+            add_vector(up_q, some)
             apply(up_v, B, S)
             apply(some, I, S_rate[k])
-            add_to(up_v, some)
+            add_vector(up_v, some)
             j = 5 if 3 <= k < 6 else k  # the three turns of the free joint are one joint
             while j >= 0:
                 # Row k, column j at or before k: what hangs on k is moved as a whole.

@@ -88,44 +88,6 @@ def inertia_matrix(out: Array, packed: Array) -> None:
 
 
 @compiled
-def apply(out: Array, matrix: Array, x: Array) -> None:
-    """out (n,) = matrix (n, m) x (m,)."""
-    for i in range(matrix.shape[0]):
-        total = 0.0
-        for j in range(matrix.shape[1]):
-            total += matrix[i, j] * x[j]
-        out[i] = total
-
-
-@compiled
-def apply_transposed(out: Array, matrix: Array, x: Array) -> None:
-    """out (m,) = matrix^T x, of matrix (n, m) and x (n,)."""
-    for j in range(matrix.shape[1]):
-        total = 0.0
-        for i in range(matrix.shape[0]):
-            total += matrix[i, j] * x[i]
-        out[j] = total
-
-
-@compiled
-def multiply(out: Array, a: Array, b: Array) -> None:
-    """out (n, k) = a (n, m) b (m, k), for matrices that are too small for BLAS."""
-    for i in range(a.shape[0]):
-        for j in range(b.shape[1]):
-            total = 0.0
-            for n in range(a.shape[1]):
-                total += a[i, n] * b[n, j]
-            out[i, j] = total
-
-
-@compiled
-def add_to(out: Array, a: Array) -> None:
-    """out (n,) += a."""
-    for i in range(len(out)):
-        out[i] += a[i]
-
-
-@compiled
 def dot(a: Array, b: Array) -> float:
     """a . b of two vectors of six."""
     return (

@@ -172,12 +172,9 @@ def _sweep(
             k[i, 0] = -q_w[i, 0]
         dense.solve(factor, k)
         inside = True
+        dense.apply(wish, s.target_w[t], k[:, 0])
         for i in range(nu):
-            total = 0.0
-            for j in range(nu):
-                total += s.target_w[t, i, j] * k[j, 0]
-            wish[i] = total
-            inside = inside and s.low[t, i] <= total <= s.high[t, i]
+            inside = inside and s.low[t, i] <= wish[i] <= s.high[t, i]
         for i in range(nu):
             for j in range(2 * nv):
                 K[i, j] = -q_wx[i, j] - s.damp_x[t, i, j]
@@ -188,14 +185,12 @@ def _sweep(
 
         # C^T vv C / 2 + C^T [vq 0] + K^T q_ww K / 2 + K^T q_wx, and its transpose.
         np.dot(q_ww, K, half)
+        dense.apply(along_k, q_ww, k[:, 0])
         for i in range(nu):
             for j in range(2 * nv):
                 half[i, j] = 0.5 * half[i, j] + q_wx[i, j]
-            total = 0.0
-            for j in range(nu):
-                total += q_ww[i, j] * k[j, 0]
             feedforward[t, i] = wish[i]
-            along_k[i] = q_w[i, 0] + total
+            along_k[i] += q_w[i, 0]
             gain -= 0.5 * (q_w[i, 0] + along_k[i]) * k[i, 0]
         dense.copy(left[:6], C)
         dense.copy(right[:6, :nv], vq[:6])
