@@ -27,7 +27,7 @@ START, END = 0.5, 0.75  # s of the walk: two windows at a horizon of 0.2 s
 
 @pytest.fixture(scope="session")
 def body() -> CapsuleBody:
-    return find_body("average")
+    return find_body("average")[1]
 
 
 def walk(body: CapsuleBody, **options: object) -> Run:

@@ -61,8 +61,13 @@ def choose_body(
             "leave out the name or the description",
         )
     if name is not None and name not in PEOPLE and (name.endswith(".npz") or Path(name).exists()):
-        mesh, capsules = load_body(name)
-        return MadeBody(mesh, capsules, 0.0)
+        skin, capsules = load_body(name)
+        if skin is None:
+            raise InputError(
+                name, "capsules without a mesh", "a body file with a mesh",
+                "write one with `physique body --out`",
+            )  # fmt: skip
+        return MadeBody(skin, capsules, 0.0)
     mesh = named_body(name) if name is not None else make_body(**described)
     clock = time.perf_counter()
     capsules = capsule_body(mesh)

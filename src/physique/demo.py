@@ -10,10 +10,9 @@ import numpy as np
 
 from physique.bodies import write_png
 from physique.export.picture import animation, strip
-from physique.inputs import find_body, find_limits
 from physique.pipeline import Progress, retarget
 from physique.run import Run
-from physique.simulation.character import Character, make_character
+from physique.simulation.character import Character
 from physique.store import PathLike, prepare_folder
 
 CLIP, START, END = "walk", 0.0, 1.6  # s
@@ -43,12 +42,11 @@ def run_demo(
     pictures: list[Path] = []
     strips = []
     for name in BODIES:
-        capsules = find_body(name)
         run = retarget(
-            CLIP, capsules, start=START, end=END, threads=threads, out=folder / name,
+            CLIP, name, start=START, end=END, threads=threads, out=folder / name,
             overwrite=True, progress=progress,
         )  # fmt: skip
-        character = make_character(capsules, find_limits("body", capsules))
+        character = run.character()
         strips.append(_strip(character, run))
         pictures.append(
             animation(

@@ -31,19 +31,20 @@ _STRONGEST = 10_000.0  # Nm, far beyond any joint of any body
 _PACKAGES = ("physique", "mujoco", "numpy", "scipy")
 
 
-def find_body(body: BodyLike) -> CapsuleBody:
-    """The capsule body of a ready body's name, a body file, a mesh, or itself.
+def find_body(body: BodyLike) -> tuple[BodyMesh | None, CapsuleBody]:
+    """The mesh and the capsules of a ready body's name, a body file, or a mesh.
 
+    No mesh where capsules are given, or a body file has none.
     Raises InputError where there is none of that name, or the file is damaged.
     """
     if isinstance(body, CapsuleBody):
-        return body
-    if isinstance(body, BodyMesh):
-        return capsule_body(body)
+        return None, body
     if str(body) in PEOPLE:
-        return capsule_body(named_body(str(body)))
+        body = named_body(str(body))
+    if isinstance(body, BodyMesh):
+        return body, capsule_body(body)
     if isinstance(body, Path) or body.endswith(".npz") or Path(body).exists():
-        return load_body(body)[1]
+        return load_body(body)
     raise InputError(
         f"body {body!r}",
         "no such body or file",

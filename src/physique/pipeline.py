@@ -112,7 +112,7 @@ def retarget(
     workers = _threads(threads)
     _check_seed(seed)
     motion = read_clip_part(clip, fps, start, end, mapping)
-    capsules = find_body(body)
+    mesh, capsules = find_body(body)
     limits = find_limits(torque_limit, capsules)
     character = make_character(capsules, limits)
     reference = make_reference(motion, character)
@@ -162,7 +162,7 @@ def retarget(
     windows = [c.window for c in checkpoints]
     trajectory = join(reference, q0, v0, windows)
     report = _report(character, reference, trajectory, checkpoints, seed)
-    result = Run(record=record, metrics=report, trajectory=trajectory, character_xml=character.xml)
+    result = Run(record, report, trajectory, character.xml, capsules, mesh)
     if folder is None:
         return result
     export_bvh(folder / run.BVH, character, trajectory)

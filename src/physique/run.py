@@ -19,7 +19,11 @@ from typing import Any
 
 import numpy as np
 
+from physique.body.bodyfile import load_body, save_body
+from physique.body.capsule_body import CapsuleBody
+from physique.body.mesh import BodyMesh
 from physique.errors import InputError
+from physique.simulation.character import Character, load_character
 from physique.store import (
     PathLike,
     prepare_folder,
@@ -36,9 +40,9 @@ log = logging.getLogger(__name__)
 
 FORMAT = "physique-run-1"
 RECORD, METRICS, TRAJECTORY = "run.json", "metrics.json", "trajectory.npz"
-CHARACTER, BVH, WINDOWS = "character.xml", "motion.bvh", "windows"
+CHARACTER, BODY, BVH, WINDOWS = "character.xml", "body.npz", "motion.bvh", "windows"
 #: What a run owns in its folder; everything else is left alone.
-NAMES = (RECORD, METRICS, TRAJECTORY, CHARACTER, BVH, WINDOWS)
+NAMES = (RECORD, METRICS, TRAJECTORY, CHARACTER, BODY, BVH, WINDOWS)
 
 _ARRAYS = ("q", "v", "control", "torque", "shift", "tail_q", "tail_v", "tail_control")
 _NUMBERS = ("start", "stop", "cost", "iterations", "sim_steps", "status", "terms")
@@ -49,19 +53,32 @@ class Run:
     """A finished run.
 
     record: what `run.json` holds: options, seed, versions, fingerprints of the inputs.
-    character_xml: the MJCF model that was stepped. folder: where it is stored, if it is.
+    character_xml: the MJCF model that was stepped. body: the capsules that it is made of; mesh:
+        their skin, None where the run was made from capsules alone.
+    folder: where it is stored, if it is.
     """
 
     record: dict[str, Any]
     metrics: dict[str, Any]
     trajectory: Trajectory
     character_xml: str
+    body: CapsuleBody
+    mesh: BodyMesh | None = None
     folder: Path | None = None
 
     @property
     def success(self) -> bool:
         """Whether the body could follow the motion from beginning to end."""
         return bool(self.metrics["success"])
+
+    @property
+    def name(self) -> str:
+        """Clip and body."""
+        return f"{self.record['identity']['clip']} on {self.body.name}"
+
+    def character(self) -> Character:
+        """The body as it was simulated."""
+        return load_character(self.character_xml, self.body)
 
 
 @dataclass(frozen=True)
@@ -124,6 +141,7 @@ def save_window(
 def finish_run(folder: Path, run: Run) -> Run:
     """Write the results of `run` (but the BVH file, see the pipeline) and close the run."""
     write_atomic(folder / CHARACTER, run.character_xml.encode())
+    save_body(folder / BODY, run.mesh, run.body)
     write_npz(folder / TRAJECTORY, dataclasses.asdict(run.trajectory))
     write_json(folder / METRICS, run.metrics)
     record = {**run.record, "format": FORMAT, "status": "finished"}
@@ -164,11 +182,14 @@ def load_run(folder: PathLike) -> Run:
         raise InputError(
             str(folder / CHARACTER), str(fault), "an MJCF model", "make the run anew"
         ) from None
+    mesh, body = load_body(folder / BODY)
     return Run(
         record=record,
         metrics=read_json(folder / METRICS),
         trajectory=Trajectory(**{name: arrays[name] for name in names}),
         character_xml=xml,
+        body=body,
+        mesh=mesh,
         folder=folder,
     )
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +11,7 @@ from physique.body.capsule_body import CapsuleBody, Part
 from physique.body.mesh import BodyMesh
 from physique.errors import InputError
 from physique.skeleton import JOINTS
+from physique.store import read_npz, write_npz
 
 Array = NDArray[np.generic]
 
@@ -33,6 +32,9 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "part_com": ("f", (22, 3)),
     "part_inertia": ("f", (22, 3, 3)),
     "excluded": ("i", ("E", 2)),
+}
+#: These may be missing, all together: capsules that were made without a mesh.
+SKIN: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "vertices": ("f", ("V", 3)),
     "faces": ("i", ("F", 3)),
     "weights": ("f", ("V", 22)),
@@ -42,9 +44,8 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
 REMEDY = "write the file with `physique body --out`"
 
 
-def save_body(path: str | Path, mesh: BodyMesh, body: CapsuleBody) -> None:
-    """Write a mesh and its capsule body to an npz; whole or not at all."""
-    target = Path(path)
+def save_body(path: str | Path, mesh: BodyMesh | None, body: CapsuleBody) -> None:
+    """Write a capsule body, and its mesh if there is one, to an npz; whole or not at all."""
     parts = body.parts
     arrays: dict[str, Array] = {
         "format": np.array(FORMAT),
@@ -60,43 +61,40 @@ def save_body(path: str | Path, mesh: BodyMesh, body: CapsuleBody) -> None:
         "part_com": np.array([p.com for p in parts]),
         "part_inertia": np.array([p.inertia for p in parts]),
         "excluded": np.array(body.excluded, dtype=np.int64).reshape(-1, 2),
-        "vertices": mesh.vertices,
-        "faces": mesh.faces,
-        "weights": mesh.weights,
-        "surface": mesh.surface,
-        "volume": np.array(mesh.volume),
     }
-    temporary = target.with_name(target.name + ".tmp")
-    try:
-        with temporary.open("wb") as file:
-            np.savez_compressed(file, allow_pickle=False, **arrays)
-            file.flush()
-            os.fsync(file.fileno())
-        temporary.replace(target)
-    finally:
-        temporary.unlink(missing_ok=True)
+    if mesh is not None:
+        arrays |= {
+            "vertices": mesh.vertices,
+            "faces": mesh.faces,
+            "weights": mesh.weights,
+            "surface": mesh.surface,
+            "volume": np.array(mesh.volume),
+        }
+    write_npz(path, arrays)
 
 
-def load_body(path: str | Path) -> tuple[BodyMesh, CapsuleBody]:
-    """Read what `save_body` wrote.
+def load_body(path: str | Path) -> tuple[BodyMesh | None, CapsuleBody]:
+    """Read what `save_body` wrote; no mesh where none was given.
 
     Raises InputError, naming the file and the array, for a missing, foreign or damaged file.
     """
     source = Path(path)
-    data = _read(source)
+    data = read_npz(source)
     _check(source, data)
     joints = data["joints"].astype(float)
     name, height, mass = str(data["name"]), float(data["height"]), float(data["mass"])
-    mesh = BodyMesh(
-        name=name,
-        vertices=data["vertices"].astype(float),
-        faces=data["faces"].astype(np.int32),
-        joints=joints,
-        weights=data["weights"].astype(float),
-        surface=data["surface"].astype(bool),
-        volume=float(data["volume"]),
-        mass=mass,
-    )
+    mesh = None
+    if "vertices" in data:
+        mesh = BodyMesh(
+            name=name,
+            vertices=data["vertices"].astype(float),
+            faces=data["faces"].astype(np.int32),
+            joints=joints,
+            weights=data["weights"].astype(float),
+            surface=data["surface"].astype(bool),
+            volume=float(data["volume"]),
+            mass=mass,
+        )
     parts = tuple(
         Part(
             name=joint,
@@ -114,26 +112,16 @@ def load_body(path: str | Path) -> tuple[BodyMesh, CapsuleBody]:
     return mesh, CapsuleBody(name, height, mass, joints, parts, excluded)
 
 
-def _read(source: Path) -> dict[str, Array]:
-    if not source.is_file():
-        raise InputError(str(source), "no such file", "a body file (.npz)", REMEDY)
-    try:
-        with np.load(source, allow_pickle=False) as data:
-            return {name: data[name] for name in data.files}
-    except (ValueError, OSError, EOFError, zipfile.BadZipFile, AttributeError) as error:
-        found = f"a file that is not a body file ({type(error).__name__})"
-        raise InputError(str(source), found, "a body file (.npz)", REMEDY) from error
-
-
 def _check(source: Path, data: dict[str, Array]) -> None:
     def fail(array: str, found: str, expected: str) -> None:
         raise InputError(f"{source}, {array}", found, expected, REMEDY)
 
-    missing = [name for name in LAYOUT if name not in data]
+    layout = LAYOUT | SKIN if any(name in data for name in SKIN) else LAYOUT
+    missing = [name for name in layout if name not in data]
     if missing:
         fail("arrays", "no " + ", ".join(missing), "all arrays of a body file")
     free: dict[str, int] = {}
-    for name, (kind, shape) in LAYOUT.items():
+    for name, (kind, shape) in layout.items():
         array = data[name]
         fits = len(array.shape) == len(shape) and all(
             n == (free.setdefault(want, n) if isinstance(want, str) else want)
@@ -148,15 +136,15 @@ def _check(source: Path, data: dict[str, Array]) -> None:
             fail(name, "a number that is not finite", "finite numbers")
     if str(data["format"]) != FORMAT:
         fail("format", repr(str(data["format"])), repr(FORMAT))
-    vertices = len(data["vertices"])
-    for name, high in (
-        ("part_shape", len(SHAPES)), ("excluded", len(JOINTS)), ("faces", vertices)
-    ):  # fmt: skip
+    limits = {"part_shape": len(SHAPES), "excluded": len(JOINTS)}
+    if layout is not LAYOUT:
+        limits["faces"] = len(data["vertices"])
+    for name, high in limits.items():
         index = data[name]
         if index.size and not (index.min() >= 0 and index.max() < high):
             fail(name, f"numbers {index.min()} to {index.max()}", f"0 to {high - 1}")
     for name in ("height", "mass", "volume", "part_mass"):
-        if not (data[name].astype(float) > 0.0).all():
+        if name in layout and not (data[name].astype(float) > 0.0).all():
             fail(name, "a number that is not positive", "positive numbers")
     if abs(float(data["part_mass"].sum()) - float(data["mass"])) > 1e-6 * float(data["mass"]):
         fail("part_mass", f"a sum of {data['part_mass'].sum():g} kg", f"{data['mass']:g} kg")
@@ -173,5 +161,5 @@ def _check(source: Path, data: dict[str, Array]) -> None:
         or (np.linalg.det(turn) < 0).any()
     ):
         fail("part_rotation", "a matrix that is no rotation", "rotations")
-    if np.abs(data["weights"].sum(axis=1) - 1.0).max() > 1e-3:
+    if "weights" in layout and np.abs(data["weights"].sum(axis=1) - 1.0).max() > 1e-3:
         fail("weights", "rows that do not sum to 1", "rows that sum to 1")

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from physique import skeleton
 from physique.body.capsule_body import CapsuleBody, Part
+from physique.errors import InputError
 from physique.simulation.hinges import AXES, HINGES
 
 Array = NDArray[np.float64]
@@ -66,8 +67,27 @@ class Character:
 def make_character(body: CapsuleBody, torque_limit: Array | float) -> Character:
     """Build the model of `body` with limits of `torque_limit` (50,) or one for all, Nm."""
     limits = np.broadcast_to(np.asarray(torque_limit, dtype=float), (len(HINGES),)).copy()
-    xml = _spec(body, limits).to_xml()
-    model = mujoco.MjModel.from_xml_string(xml)
+    return load_character(_spec(body, limits).to_xml(), body)
+
+
+def load_character(xml: str, body: CapsuleBody) -> Character:
+    """The character of a model that `make_character` wrote for this body.
+
+    Raises InputError for a text that is no such model.
+    """
+    try:
+        model = mujoco.MjModel.from_xml_string(xml)
+    except ValueError as fault:
+        raise InputError(
+            "character model", str(fault).splitlines()[0], "MJCF of a character",
+            "make the run anew",
+        ) from None  # fmt: skip
+    hinges = tuple(model.joint(i).name for i in range(1, model.njnt))
+    if hinges != tuple(h.name for h in HINGES) or model.nu != len(HINGES):
+        raise InputError(
+            "character model", f"{model.nu} actuators, {model.njnt} joints",
+            f"the {len(HINGES)} hinges of a character and one free joint", "make the run anew",
+        )  # fmt: skip
     geom = {model.geom(i).name: i for i in range(model.ngeom)}
     return Character(
         body=body,
