@@ -1,60 +1,149 @@
 """A floor under the feet: the reference's legs bent so that feet stand where they should.
 
 The same joint angles on a body of other proportions leave one foot in the air while the other
-stands, and wider hips put the feet so far apart that the body could not balance on either. Each
-leg reaches for the performer's step: the knee bends, hip and ankle keep the foot's orientation
-(two-bone inverse kinematics in closed form). The pelvis is raised or lowered to share what is left
-between the feet.
+stands, and wider hips put the feet so far apart that the body could not balance on either. One
+least-squares problem over the whole clip bends the legs and raises or lowers the pelvis: standing
+feet touch the floor, keep still and reach for the performer's steps, none sinks into the floor, and
+corrections are small and smooth in time. Smoothness decides where a leg is nearly straight: there a
+centimetre takes 20 degrees of the knee, and legs that reach in each frame for themselves snap
+straight and back.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 from physique import rotations, skeleton
-from physique.simulation import kinematics, reduced
+from physique.simulation import kinematics
 from physique.simulation.character import Character
-from physique.simulation.hinges import AXES, columns
+from physique.simulation.soles import LEGS, Feet, feet
+from physique.tracking.banded import LeastSquares
 
 Array = NDArray[np.float64]
 
-#: Corrections change no faster than this. The pelvis carries the body's mass: raised by 2 cm within
-#: 0.06 s it would need half the body's weight more.
-PELVIS_SMOOTHING = 0.25  # s
-FOOT_SMOOTHING = 0.05  # s
-#: Legs are never stretched beyond this share of their length.
-REACH = 0.998
 #: Ankles nearer than this, m, have the feet in each other; from CLEAR on they pass freely.
 COLLIDE, CLEAR = 0.12, 0.20
-_SIDES = ("left", "right")
 ANKLES = (skeleton.INDEX["left_ankle"], skeleton.INDEX["right_ankle"])
 
+#: Coordinates of q that may change: the pelvis' height, then the angles of both legs.
+_MOVED = np.array([2, *(7 + LEGS.ravel())])
+#: Of those, what moves each foot.
+_OWN = np.array([[0, *range(1, 9)], [0, *range(9, 17)]])
+_ITERATIONS = 5
+_ROOM_SMOOTHING = 0.05  # s
+_LIFT_SMOOTHING = 0.25  # s
 
-def stand(character: Character, q: Array, contacts: NDArray[np.bool_], ankles: Array) -> Array:
+
+@dataclass(frozen=True)
+class Scatter:
+    """Standard deviations: how much each wish counts.
+
+    touch: m, height of the sole of a standing foot, and depth of any sole below the floor.
+    round: m, below which height the floor begins to push. softness: m, corners that are so much higher than the lowest one count a third of it.
+    step: m, of an ankle from its place. creep: m/s, of a sole that stands; still: m/s, one that is
+    much faster in the source does not stand but lands or turns. tilt: rad, of a foot from its
+    orientation in the source. angle, height: rad and m, of the corrections; bend, heave: rad/s2 and
+    m/s2, of their accelerations.
+    """
+
+    touch: float = 0.001
+    round: float = 0.002
+    softness: float = 0.004
+    step: float = 0.01
+    creep: float = 0.03
+    still: float = 0.15
+    tilt: float = 0.05
+    angle: float = 0.3
+    height: float = 0.05
+    bend: float = 40.0
+    heave: float = 0.7
+
+
+def stand(
+    character: Character,
+    q: Array,
+    contacts: NDArray[np.bool_],
+    ankles: Array,
+    scatter: Scatter = Scatter(),
+) -> Array:
     """q (T, 57) with ankles above (T, 2, 2), m, feet that are in contact (T, 2) on the floor, and
     nothing below it."""
-    timestep = character.model.opt.timestep
-    sigma, slow = FOOT_SMOOTHING / timestep, PELVIS_SMOOTHING / timestep
-    aside = ankles - kinematics.joint_positions(character, q)[:, list(ANKLES), :2]
-    aside *= _room(ankles, sigma)[:, None, None]
-    q = _reach(character, q, np.concatenate([aside, np.zeros((len(q), 2, 1))], axis=2))
-    q[:, 2] += _root_correction(foot_clearance(character, q), contacts, slow)
-    # Twice: the ankle's turn moves the toes a little against the foot.
-    for _ in range(2):
-        up = _foot_correction(foot_clearance(character, q), contacts, sigma)
-        q = _reach(character, q, up[..., None] * np.array([0.0, 0.0, 1.0]))
-    sunk = np.maximum(-kinematics.poses(character, q).lowest.min(axis=1), 0.0)
-    # Hands and knees that the floor would cut: lift the body, ahead of time and smoothly.
-    q[:, 2] += gaussian_filter1d(maximum_filter1d(sunk, round(2 * slow) | 1), slow / 2)
-    return q
+    timestep = float(character.model.opt.timestep)
+    room = _room(ankles, _ROOM_SMOOTHING / timestep)
+    source_q, q = q, q.copy()
+    source = feet(character, q)
+    small = np.concatenate([[scatter.height], np.full(16, scatter.angle)])
+    smooth = np.concatenate([[scatter.heave], np.full(16, scatter.bend)])
+    for _ in range(_ITERATIONS):
+        now = feet(character, q)
+        problem = LeastSquares(len(q), len(_MOVED))
+        problem.keep_small(q[:, _MOVED] - source_q[:, _MOVED], 1 / small)
+        problem.keep_smooth(q[:, _MOVED] - source_q[:, _MOVED], 1 / (smooth * timestep**2))
+        for side in range(2):
+            _add_foot(
+                problem, side, now, source, contacts[:, side], ankles[:, side], room, timestep,
+                scatter,
+            )  # fmt: skip
+        q[:, _MOVED] += problem.solve()
+    return _lift(character, q, _LIFT_SMOOTHING / timestep)
 
 
-def foot_clearance(character: Character, q: Array) -> Array:
-    """Height (T, 2), m, of the lowest point of the left and the right foot."""
-    lowest = kinematics.poses(character, q).lowest
-    return np.stack([lowest[:, geoms].min(axis=1) for geoms in character.foot_geoms], axis=1)
+def _add_foot(
+    problem: LeastSquares,
+    side: int,
+    now: Feet,
+    source: Feet,
+    contacts: NDArray[np.bool_],
+    ankles: Array,
+    room: Array,
+    timestep: float,
+    scatter: Scatter,
+) -> None:
+    """The wishes of one foot: contacts (T,), ankles (T, 2) m, room (T,)."""
+    own = _OWN[side]
+    points, J = now.points[:, side], _with_height(now.by_angle[:, side])
+    height = points[..., 2]
+    share = np.exp((height.min(axis=1, keepdims=True) - height) / scatter.softness)
+    share /= share.sum(axis=1, keepdims=True)
+    # Of standing soles the lowest corners touch; no corner is below the floor.
+    low = np.einsum("tk,tk->t", share, height)
+    J_low = np.einsum("tk,tkj->tj", share, J[:, :, 2])
+    problem.add(low[:, None], J_low[:, None], contacts[:, None] / scatter.touch, own)
+    # Rounded off, or corners would flicker between wanted and free from iteration to iteration.
+    edge = np.hypot(height, scatter.round)
+    slope = 0.5 * (height / edge - 1)
+    problem.add(
+        0.5 * (edge - height), slope[..., None] * J[:, :, 2], np.array([[1 / scatter.touch]]), own
+    )
+    # Where they touch, they keep still, if the performer's did.
+    before, after = slice(None, -1), slice(1, None)
+    was = source.points[:, side, :, :2]
+    pace = np.einsum("tk,tki->ti", share[before], was[after] - was[before]) / timestep
+    stands = contacts[before] & contacts[after]
+    weight = stands * np.exp(-np.sum(pace**2, axis=1) / scatter.still**2) / scatter.creep
+    J_before, J_after = (
+        np.einsum("tk,tkij->tij", share[before], J[frames, :, :2]) / timestep
+        for frames in (before, after)
+    )
+    slip = np.einsum("tk,tki->ti", share[before], points[after, :, :2] - points[before, :, :2])
+    problem.add_pairs(slip / timestep, -J_before, J_after, weight[:, None], own)
+    J_ankle = _with_height(now.ankles_by_angle[:, side, None])[:, 0]
+    away = now.ankles[:, side, :2] - ankles
+    problem.add(away, J_ankle[:, :2], room[:, None] / scatter.step, own)
+    turn = now.R_world_from_foot[:, side] @ np.swapaxes(source.R_world_from_foot[:, side], 1, 2)
+    tilt = rotations.log(rotations.from_matrix(turn))
+    problem.add(tilt, now.turn_by_angle[:, side], np.array([[1 / scatter.tilt]]), own[1:])
+
+
+def _with_height(by_angle: Array) -> Array:
+    """Derivatives (T, K, 3, 8) of points by a leg's angles, with the pelvis' height before them."""
+    up = np.zeros((*by_angle.shape[:-1], 1))
+    up[..., 2, 0] = 1.0
+    return np.concatenate([up, by_angle], axis=-1)
 
 
 def _room(ankles: Array, sigma: float) -> Array:
@@ -67,81 +156,11 @@ def _room(ankles: Array, sigma: float) -> Array:
     return gaussian_filter1d(share, sigma, mode="nearest")
 
 
-def _root_correction(clearance: Array, contacts: NDArray[np.bool_], sigma: float) -> Array:
-    standing = contacts.any(axis=1)
-    if not standing.any():
-        return np.full(len(contacts), max(0.0, float(-clearance.min())))
-    share = np.where(contacts, clearance, 0.0).sum(axis=1) / np.maximum(contacts.sum(axis=1), 1)
-    frames = np.arange(len(contacts))
-    known = np.flatnonzero(standing)
-    return gaussian_filter1d(np.interp(frames, known, -share[known]), sigma, mode="nearest")
-
-
-def _foot_correction(clearance: Array, contacts: NDArray[np.bool_], sigma: float) -> Array:
-    """How far (T, 2) to move each foot up, m: onto the floor in contact, out of it elsewhere."""
-    frames = np.arange(len(contacts))
-    out = np.zeros_like(clearance)
-    for side in range(2):
-        known = np.flatnonzero(contacts[:, side])
-        if len(known):
-            out[:, side] = np.interp(frames, known, -clearance[known, side])
-        out[:, side] = np.maximum(out[:, side], -clearance[:, side])
-    smooth = gaussian_filter1d(out, sigma, axis=0, mode="nearest")
-    # Smoothing must not leave a standing foot in the floor or over it.
-    return np.where(contacts, 0.5 * (smooth + out), smooth)
-
-
-def _reach(character: Character, q: Array, move: Array) -> Array:
-    """q (T, 57) with each ankle moved by move (T, 2, 3), m, and the feet's orientation kept."""
+def _lift(character: Character, q: Array, sigma: float) -> Array:
+    """q (T, 57) raised, ahead of time and smoothly, where the floor would cut hands or knees."""
+    lowest = kinematics.poses(character, q).lowest
+    lowest[:, character.foot_geoms.ravel()] = np.inf
+    sunk = np.maximum(-lowest.min(axis=1), 0.0)
     q = q.copy()
-    rest = character.body.joints
-    local = reduced.to_rotations(q[:, 3:7], q[:, 7:])
-    world = reduced.part_transforms(local, rest)
-    for side, name in enumerate(_SIDES):
-        hip, knee, ankle = (skeleton.INDEX[f"{name}_{joint}"] for joint in ("hip", "knee", "ankle"))
-        thigh, shank = rest[knee] - rest[hip], rest[ankle] - rest[knee]
-        bend = q[:, 7 + columns(f"{name}_knee").start]
-        old = world[:, ankle, :, 3] - world[:, hip, :, 3]
-        new = old + move[:, side]
-        bend_new, direction_in_thigh = _two_bone(thigh, shank, np.linalg.norm(new, axis=1), bend)
-        # Turn the thigh so that the hip-ankle line, given the new knee, points at the target.
-        R_thigh = world[:, hip, :, :3]
-        reached = np.einsum("tij,tj->ti", R_thigh, direction_in_thigh)
-        R_thigh_new = rotations.to_matrix(_between(reached, new)) @ R_thigh
-        R_pelvis = world[:, 0, :, :3]
-        R_shank_new = R_thigh_new @ rotations.to_matrix(rotations.about("y", bend_new))
-        hip_turn = np.swapaxes(R_pelvis, 1, 2) @ R_thigh_new
-        ankle_turn = np.swapaxes(R_shank_new, 1, 2) @ world[:, ankle, :, :3]
-        for joint, turn in ((f"{name}_hip", hip_turn), (f"{name}_ankle", ankle_turn)):
-            angles = rotations.to_euler(AXES[joint], rotations.from_matrix(turn))
-            q[:, 7:][:, columns(joint)] = angles
-        q[:, 7 + columns(f"{name}_knee").start] = bend_new
-    q[:, 7:] = reduced.unwrap(q[:, 7:])
+    q[:, 2] += gaussian_filter1d(maximum_filter1d(sunk, round(2 * sigma) | 1), sigma / 2)
     return q
-
-
-def _two_bone(thigh: Array, shank: Array, distance: Array, bend: Array) -> tuple[Array, Array]:
-    """Knee angle (T,), rad, that puts the ankle `distance` (T,) from the hip, bent to the same
-    side as `bend` (T,), and the hip-ankle vector (T, 3) in the thigh's frame."""
-    # |thigh + R_y(k) shank|^2 = constant + a cos k + b sin k
-    a = 2 * (thigh[0] * shank[0] + thigh[2] * shank[2])
-    b = 2 * (thigh[0] * shank[2] - thigh[2] * shank[0])
-    constant = thigh @ thigh + shank @ shank + 2 * thigh[1] * shank[1]
-    amplitude, phase = np.hypot(a, b), np.arctan2(b, a)
-    longest = np.sqrt(constant + amplitude)
-    cosine = (np.minimum(distance, REACH * longest) ** 2 - constant) / amplitude
-    spread = np.arccos(np.clip(cosine, -1.0, 1.0))
-    # A leg that is stretched further than allowed already stays as it is.
-    start = np.abs(bend - phase)
-    spread = np.where(distance > REACH * longest, np.minimum(spread, start), spread)
-    knee = phase + np.where(bend >= phase, spread, -spread)
-    turned = np.einsum("tij,j->ti", rotations.to_matrix(rotations.about("y", knee)), shank)
-    return knee, thigh + turned
-
-
-def _between(a: Array, b: Array) -> Array:
-    """Least rotations (T, 4) that turn directions a (T, 3) into directions b (T, 3)."""
-    a = a / np.linalg.norm(a, axis=1, keepdims=True)
-    b = b / np.linalg.norm(b, axis=1, keepdims=True)
-    w = 1 + np.sum(a * b, axis=1, keepdims=True)
-    return rotations.normalize(np.concatenate([w, np.cross(a, b)], axis=1))
