@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from physique.motion.read import read_motion
+from physique.simulation import kinematics
 from physique.simulation.character import Character
 from physique.simulation.soles import feet, sole_points
 from physique.simulation.state import finite_velocity
@@ -100,3 +101,12 @@ def test_standing_feet_creep_less_than_the_performers(character: Character) -> N
     low = points[:-1, ..., 2] < 0.002
     pace = np.linalg.norm(np.diff(points[..., :2], axis=0), axis=-1) / reference.timestep
     assert np.median(pace[low & stands[..., None]]) < 0.03
+
+
+@pytest.mark.parametrize("clip", ["crawl", "getup_facedown"])
+def test_a_body_that_does_not_fall_is_on_the_floor(character: Character, clip: str) -> None:
+    # Nothing stands there that would tell the height of the floor.
+    reference = make_reference(read_motion(clip), character)
+    lowest = kinematics.poses(character, reference.q).lowest.min(axis=1)
+    assert np.abs(lowest).mean() < 0.02
+    assert np.abs(lowest).max() < 0.06

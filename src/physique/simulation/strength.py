@@ -1,13 +1,15 @@
 """Torque limits that fit a body: published joint strengths, scaled by mass and stature.
 
-The values are approximate: rounded maximum voluntary torques of young men, the stronger way:
-hip and knee extension, ankle plantar flexion from the model of Anderson, Madigan and Nussbaum
-(J. Biomech. 40, 2007); hip abduction and rotation from Cahalan et al. (Clin. Orthop. 246, 1989);
-trunk from McNeill et al. (Spine 5, 1980) and Kumar (Spine 21, 1996); neck from Vasavada et al.
-(Spine 26, 2001); shoulder from Otis et al. (J. Bone Joint Surg. 72, 1990); elbow from Askew et
-al. (Clin. Orthop. 222, 1987); wrist from Delp et al. (J. Biomech. 29, 1996); toes from Goldmann
-and Brueggemann (J. Anat. 220, 2012). Muscle force grows with the two-thirds power of body mass
-(Jaric, Sports Med. 32, 2002) and its lever arm with stature.
+The values are approximate and rounded, those of young men, the stronger way. Legs: peak moments in
+fast running and jumping, which exceed what dynamometers measure, since muscles resist stretching
+with more force than they shorten: 3 to 3.5 Nm/kg at hip, knee and ankle (Novacheck, Gait & Posture
+7, 1998; Schache et al., Med. Sci. Sports Exerc. 43, 2011), 0.8 Nm/kg at the toes (Stefanyshyn and
+Nigg, J. Biomech. 30, 1997); hip abduction and rotation from Cahalan et al. (Clin. Orthop. 246,
+1989), raised alike. Trunk from McNeill et al. (Spine 5, 1980) and Kumar (Spine 21, 1996); neck from
+Vasavada et al. (Spine 26, 2001); shoulder from Otis et al. (J. Bone Joint Surg. 72, 1990); elbow
+from Askew et al. (Clin. Orthop. 222, 1987); wrist from Delp et al. (J. Biomech. 29, 1996). Muscle
+force grows with the two-thirds power of body mass (Jaric, Sports Med. 32, 2002) and its lever arm
+with stature.
 """
 
 from __future__ import annotations
@@ -24,10 +26,10 @@ REFERENCE_HEIGHT = 1.75  # m
 #: Nm about the axes x, y, z of the T-pose: for legs and trunk x is sideways, y flexion and z
 #: twist; for arms, which point along y, x is up and down, y twist and z forward and back.
 STRENGTH: dict[str, dict[str, float]] = {
-    "hip": {"x": 120.0, "y": 205.0, "z": 60.0},
-    "knee": {"y": 210.0},
-    "ankle": {"x": 40.0, "y": 125.0, "z": 40.0},
-    "foot": {"y": 20.0},
+    "hip": {"x": 160.0, "y": 260.0, "z": 80.0},
+    "knee": {"y": 250.0},
+    "ankle": {"x": 50.0, "y": 220.0, "z": 45.0},
+    "foot": {"y": 60.0},
     "spine": {"x": 140.0, "y": 210.0, "z": 100.0},
     "neck": {"x": 36.0, "y": 52.0, "z": 15.0},
     "collar": {"x": 95.0, "y": 95.0, "z": 95.0},

@@ -48,6 +48,17 @@ class LeastSquares:
         self._gradient += weight**2 * x
         self._same[:, diagonal, diagonal] += weight**2
 
+    def keep_still(self, x: Array, weight: Array) -> None:
+        """Draw the first differences of x (T, n) to zero; weight (n,)."""
+        square = weight**2
+        diagonal = np.arange(x.shape[1])
+        step = square * np.diff(x, axis=0)
+        self._gradient[:-1] -= step
+        self._gradient[1:] += step
+        self._same[:-1, diagonal, diagonal] += square
+        self._same[1:, diagonal, diagonal] += square
+        self._next[:-1, diagonal, diagonal] -= square
+
     def keep_smooth(self, x: Array, weight: Array) -> None:
         """Draw the second differences of x (T, n) to zero; weight (n,)."""
         if len(x) < 3:

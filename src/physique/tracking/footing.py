@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d, maximum_filter1d
+from scipy.ndimage import gaussian_filter1d
 
 from physique import rotations, skeleton
 from physique.simulation import kinematics
@@ -35,7 +35,8 @@ _MOVED = np.array([2, *(7 + LEGS.ravel())])
 _OWN = np.array([[0, *range(1, 9)], [0, *range(9, 17)]])
 _ITERATIONS = 5
 _ROOM_SMOOTHING = 0.05  # s
-_LIFT_SMOOTHING = 0.25  # s
+_WEIGHT_SMOOTHING = 0.03  # s, of the height that tells whether the body falls
+_CARRIED = 6.0  # m/s2: who falls slower than this is carried by something
 
 
 @dataclass(frozen=True)
@@ -43,11 +44,14 @@ class Scatter:
     """Standard deviations: how much each wish counts.
 
     touch: m, height of the sole of a standing foot, and depth of any sole below the floor.
-    round: m, below which height the floor begins to push. softness: m, corners that are so much higher than the lowest one count a third of it.
-    step: m, of an ankle from its place. creep: m/s, of a sole that stands; still: m/s, one that is
-    much faster in the source does not stand but lands or turns. tilt: rad, of a foot from its
-    orientation in the source. angle, height: rad and m, of the corrections; bend, heave: rad/s2 and
-    m/s2, of their accelerations.
+    round: m, below which height the floor begins to push. softness: m, corners that are so much
+    higher than the lowest one count a third of it. step: m, of an ankle from its place. creep: m/s,
+    of a sole that stands; still: m/s, one that is much faster in the source does not stand but
+    lands or turns. tilt: rad, of a foot from its orientation in the source.
+    angle, height: rad and m, of the corrections; bend, heave: rad/s2 and m/s2, of their
+    accelerations.
+    stand, lie, cut: m, of the whole body's shift where feet stand, of the lowest part's height
+    where none does, and of its depth below the floor.
     """
 
     touch: float = 0.001
@@ -61,6 +65,9 @@ class Scatter:
     height: float = 0.05
     bend: float = 40.0
     heave: float = 0.7
+    stand: float = 0.01
+    lie: float = 0.01
+    cut: float = 0.003
 
 
 def stand(
@@ -89,7 +96,7 @@ def stand(
                 scatter,
             )  # fmt: skip
         q[:, _MOVED] += problem.solve()
-    return _lift(character, q, _LIFT_SMOOTHING / timestep)
+    return _ground(character, q, contacts, scatter)
 
 
 def _add_foot(
@@ -113,12 +120,8 @@ def _add_foot(
     low = np.einsum("tk,tk->t", share, height)
     J_low = np.einsum("tk,tkj->tj", share, J[:, :, 2])
     problem.add(low[:, None], J_low[:, None], contacts[:, None] / scatter.touch, own)
-    # Rounded off, or corners would flicker between wanted and free from iteration to iteration.
-    edge = np.hypot(height, scatter.round)
-    slope = 0.5 * (height / edge - 1)
-    problem.add(
-        0.5 * (edge - height), slope[..., None] * J[:, :, 2], np.array([[1 / scatter.touch]]), own
-    )
+    cost, slope = _floor(height, scatter.round)
+    problem.add(cost, slope[..., None] * J[:, :, 2], np.array([[1 / scatter.touch]]), own)
     # Where they touch, they keep still, if the performer's did.
     before, after = slice(None, -1), slice(1, None)
     was = source.points[:, side, :, :2]
@@ -156,11 +159,39 @@ def _room(ankles: Array, sigma: float) -> Array:
     return gaussian_filter1d(share, sigma, mode="nearest")
 
 
-def _lift(character: Character, q: Array, sigma: float) -> Array:
-    """q (T, 57) raised, ahead of time and smoothly, where the floor would cut hands or knees."""
-    lowest = kinematics.poses(character, q).lowest
-    lowest[:, character.foot_geoms.ravel()] = np.inf
-    sunk = np.maximum(-lowest.min(axis=1), 0.0)
+def _ground(character: Character, q: Array, contacts: NDArray[np.bool_], scatter: Scatter) -> Array:
+    """q (T, 57) raised where the floor would cut hands, knees or trunk, and lowered where nothing
+    touches it though the body does not fall.
+
+    A crawl or a roll has no standing feet to tell where its floor is.
+    """
+    timestep = float(character.model.opt.timestep)
+    pose = kinematics.poses(character, q)
+    lowest = pose.lowest.min(axis=1)[:, None]
+    sigma = _WEIGHT_SMOOTHING / timestep
+    falling = gaussian_filter1d(pose.com[:, 2], sigma, order=2, mode="nearest") / timestep**2
+    carried = falling > -_CARRIED
+    stands = np.asarray(contacts.any(axis=1))
+    weight = np.where(stands, 1 / scatter.stand, np.where(carried, 1 / scatter.lie, 0.0))
+    one, up = np.zeros(1, dtype=np.intp), np.ones((len(q), 1, 1))
+    shift = np.zeros((len(q), 1))
+    for _ in range(_ITERATIONS):
+        problem = LeastSquares(len(q), 1)
+        above = lowest + shift
+        # Standing feet are where they should be.
+        problem.add(np.where(stands[:, None], shift, above), up, weight[:, None], one)
+        cost, slope = _floor(above, scatter.round)
+        problem.add(cost, slope[..., None] * up, np.array([[1 / scatter.cut]]), one)
+        problem.keep_small(shift, np.array([1 / scatter.height]))
+        problem.keep_smooth(shift, np.array([1 / (scatter.heave * timestep**2)]))
+        shift += problem.solve()
     q = q.copy()
-    q[:, 2] += gaussian_filter1d(maximum_filter1d(sunk, round(2 * sigma) | 1), sigma / 2)
+    q[:, 2] += shift[:, 0]
     return q
+
+
+def _floor(height: Array, edge: float) -> tuple[Array, Array]:
+    """How far below the floor, m, and its derivative by height; rounded off over `edge` m, or
+    points would flicker between wanted and free from iteration to iteration."""
+    length = np.hypot(height, edge)
+    return 0.5 * (length - height), 0.5 * (height / length - 1)

@@ -14,7 +14,7 @@ from physique.motion.kinematics import joint_positions
 from physique.simulation import kinematics, reduced
 from physique.simulation.character import Character
 from physique.simulation.state import finite_velocity
-from physique.tracking import footing
+from physique.tracking import footing, gimbal
 from physique.tracking.costs import Target
 
 Array = NDArray[np.float64]
@@ -71,7 +71,7 @@ def make_reference(motion: Motion, character: Character) -> Reference:
     hips[:, 2] += (rest[0] + hip_middle(rest) - motion.rest_joints[0])[2]
     hips[:, 2] -= hip_middle(motion.rest_joints)[2]
     root = hips - rotations.rotate(motion.rotations[:, 0], hip_middle(rest))
-    angles = reduced.to_angles(motion.rotations, rest)
+    angles = gimbal.calm(reduced.to_angles(motion.rotations, rest), timestep)
     q = np.concatenate([root, motion.rotations[:, 0], angles], axis=1)
     ankles = joint_positions(motion)[:, list(footing.ANKLES), :2]
     q = footing.stand(character, q, motion.contacts, start + scale * (ankles - start))
