@@ -121,9 +121,7 @@ def _write(
         case "mp4":
             from physique.export.video import write_video
 
-            return write_video(
-                path, runs, source=source, capsules=capsules, rate=rate, size=size
-            )
+            return write_video(path, runs, source=source, capsules=capsules, rate=rate, size=size)
         case "bvh":
             motion = runs[0].trajectory
             q = motion.reference_q if source else motion.q

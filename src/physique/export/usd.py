@@ -143,7 +143,9 @@ def strongest(weights: Array) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
 
 def _translations(places: Array) -> Any:
     Gf, Vt = require("pxr.Gf", "usd"), require("pxr.Vt", "usd")
-    return Vt.Matrix4dArray([Gf.Matrix4d(1.0).SetTranslate(Gf.Vec3d(*map(float, p))) for p in places])
+    return Vt.Matrix4dArray(
+        [Gf.Matrix4d(1.0).SetTranslate(Gf.Vec3d(*map(float, p))) for p in places]
+    )
 
 
 def _continuous(turns: Array) -> Array:
