@@ -7,6 +7,8 @@ dark the floor is under a body comes from a third, seen from below.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import gaussian_filter
@@ -42,6 +44,33 @@ _DISC: Array = np.array(
         for k in range(9)
     ]
 )
+
+
+class _View(NamedTuple):
+    """The camera: eye (3,) m, axes (3, 3), and the pixels of a metre at a metre's distance."""
+
+    eye: Array
+    axes: Array
+    scale: float
+
+
+class _Lights(NamedTuple):
+    """What the light of a point depends on, but for its surface.
+
+    sun: (3,) unit. frame: (3, 3), axes of the sun's view, whose `grid_view` are grid and tall.
+    shade: (n, n), the part of the sun that is hidden from the floor, on the sun's grid.
+    below, hidden: the grid of the floor, and the part (n, n) of the sky that is hidden there.
+    palette: see `_PALETTE`.
+    """
+
+    sun: Array
+    frame: Array
+    grid: Array
+    tall: Floats
+    shade: Floats
+    below: Array
+    hidden: Floats
+    palette: Array
 
 
 def draw(
@@ -90,7 +119,7 @@ def _shadow(vertices: Array, faces: Integers, sun: Array) -> tuple[Array, Array,
     """How the sun sees the solid: `frame`, `grid`, `tall` and `shade` of `_Lights`."""
     side = np.cross(sun, [1.0, 0.0, 0.0] if abs(sun[0]) < 0.9 else [0.0, 1.0, 0.0])
     side /= np.linalg.norm(side)
-    # This order keeps faces that look at the sun counter-clockwise on the screen.
+    # A mirrored frame: faces that look at the sun go round in it as they do on a screen.
     frame = np.stack([side, np.cross(side, sun), sun])
     grid, tall = grid_view(vertices @ frame.T, faces, _SHADOW_CELLS)
     covered = (tall > 0).astype(np.float32)

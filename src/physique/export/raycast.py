@@ -14,8 +14,20 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from physique.export import daylight
 from physique.export.camera import Camera
+from physique.export.daylight import (
+    FILL,
+    FLOOR,
+    FOG,
+    GROUND_LIGHT,
+    SKY_BAND,
+    SKY_LIGHT,
+    SKY_LOW,
+    SKY_TOP,
+    SUN,
+    TILE,
+    sun_of,
+)
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
@@ -86,9 +98,7 @@ def cast(
     sun: (3,) direction towards the light; left out, it shines from the upper left of the camera.
     """
     width, height = size
-    scene = _make_scene(
-        tuple(layers), daylight.sun_of(camera) if sun is None else np.asarray(sun, float)
-    )
+    scene = _make_scene(tuple(layers), sun_of(camera) if sun is None else np.asarray(sun, float))
     column, row = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
     pixels = np.stack([column.ravel(), row.ravel()], axis=1)
     light, identity, lit = _see_all(scene, camera, pixels, size, 1.0)
@@ -245,26 +255,21 @@ def _see(
     lit[dim] = _sunlit(scene, points[dim] + 1e-3 * normal[dim])
 
     up = 0.5 + 0.5 * normal[:, 2:]
-    ambient = (
-        daylight.GROUND_LIGHT + up * (daylight.SKY_LIGHT - daylight.GROUND_LIGHT)
-    ) * openness[:, None]
-    fill = daylight.FILL * np.maximum(-np.einsum("ij,ij->i", normal, rays), 0.0)
-    surface = colour * (ambient + fill[:, None] + (lit * facing)[:, None] * daylight.SUN)
-    fog = (
-        np.clip((distance - daylight.FOG[0]) / (daylight.FOG[1] - daylight.FOG[0]), 0.0, 1.0)
-        * is_floor
-    )
+    ambient = (GROUND_LIGHT + up * (SKY_LIGHT - GROUND_LIGHT)) * openness[:, None]
+    fill = FILL * np.maximum(-np.einsum("ij,ij->i", normal, rays), 0.0)
+    surface = colour * (ambient + fill[:, None] + (lit * facing)[:, None] * SUN)
+    fog = np.clip((distance - FOG[0]) / (FOG[1] - FOG[0]), 0.0, 1.0) * is_floor
     light[seen] += (1.0 - fog * fog * (3.0 - 2.0 * fog))[:, None] * (surface - light[seen])
     lit_all[seen] = lit
     # Where the floor has faded into the sky there is no edge between them.
     identity_all = np.full(len(light), -1)
-    identity_all[seen] = np.where(is_floor, -1 - (distance < daylight.FOG[1]), identity)
+    identity_all[seen] = np.where(is_floor, -1 - (distance < FOG[1]), identity)
     return light, identity_all, lit_all
 
 
 def _sky(rays: Array) -> Array:
-    height = np.clip(rays[:, 2:] / daylight.SKY_BAND, 0.0, 1.0)
-    return daylight.SKY_LOW**2 * (1.0 - height) + daylight.SKY_TOP**2 * height
+    height = np.clip(rays[:, 2:] / SKY_BAND, 0.0, 1.0)
+    return SKY_LOW**2 * (1.0 - height) + SKY_TOP**2 * height
 
 
 def _smooth(
@@ -300,9 +305,7 @@ def _colours(
             R = one.data.geom_xmat[plane].reshape(3, 3)
             local = (points[on] - one.data.geom_xpos[plane]) @ R
             share = _checker(local[:, :2], rays[on] @ R, width[on])
-            colour[on] = daylight.FLOOR[0] ** 2 + share[:, None] * (
-                daylight.FLOOR[1] ** 2 - daylight.FLOOR[0] ** 2
-            )
+            colour[on] = FLOOR[0] ** 2 + share[:, None] * (FLOOR[1] ** 2 - FLOOR[0] ** 2)
             is_floor[on] = True
     return colour, is_floor
 
@@ -318,8 +321,8 @@ def _checker(at: Array, rays: Array, width: Array) -> Array:
     share = np.full(len(at), -0.5)
     for axis in (0, 1):
         stretch = 1.0 + np.abs(rays[:, axis]) * flat * (slope - 1.0)
-        w = 0.5 * width * stretch / daylight.TILE  # in periods of the pattern, which are two tiles
-        p = at[:, axis] * (0.5 / daylight.TILE)
+        w = 0.5 * width * stretch / TILE  # in periods of the pattern, which are two tiles
+        p = at[:, axis] * (0.5 / TILE)
         share *= (_triangle(p - 0.5 * w) - _triangle(p + 0.5 * w)) / w
     return 0.5 + share
 
