@@ -156,7 +156,7 @@ class Export:
         source: the source motion too, as a ghost beside (glb, usd, mp4), as more columns (csv), or
             in place of the simulated one (bvh, amass, mjcf)
         capsules: the simulator's shapes in place of the skin (glb, usd, mp4)
-        rate: pictures (mp4, 30 if left out) or keyframes (mjcf, 25) a second
+        rate: pictures (mp4) or keyframes (mjcf) a second; 25 if left out
         size: width and height of the video, pixels
     """
 

@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Literal
 
 from physique.errors import InputError
 from physique.export.amass import write_amass
@@ -50,7 +50,7 @@ def export_run(
     source: the retargeted source motion too: beside the run where the format shows several figures
         or columns (glb, usd, mp4, csv), else in its place (bvh, amass, mjcf).
     capsules: the simulator's shapes in place of the skin (glb, usd, mp4).
-    rate: pictures (mp4, 30 if left out) or keyframes (mjcf, 25) a second.
+    rate: pictures (mp4) or keyframes (mjcf) a second; 25 if left out.
     size: width and height of pictures (mp4), pixels.
 
     Each file is written whole or not at all. Raises InputError for a format that is not known, a
@@ -135,13 +135,11 @@ def _write(
 
 
 def _format(wanted: Format | None, out: Path) -> Format:
-    if wanted in get_args(Format):
-        return wanted
-    fitting = [kind for kind, suffixes in SUFFIXES.items() if out.suffix.lower() in suffixes]
-    if wanted is None and fitting:
-        return fitting[0]
+    for kind, suffixes in SUFFIXES.items():
+        if wanted == kind or (wanted is None and out.suffix.lower() in suffixes):
+            return kind
     found = repr(wanted) if wanted is not None else f"the suffix {out.suffix!r} of {out.name!r}"
-    raise InputError("format", found, ", ".join(get_args(Format)), "give one of these as --format")
+    raise InputError("format", found, ", ".join(SUFFIXES), "give one of these as --format")
 
 
 def _check_suffix(kind: Format, out: Path) -> None:

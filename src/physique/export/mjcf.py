@@ -8,12 +8,10 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from physique.errors import InputError
+from physique.export.sampling import RATE, frames_at
 from physique.run import Run
 from physique.simulation.state import finite_velocity
 from physique.store import PathLike, write_atomic
-
-RATE = 25.0  # keyframes a second
 
 
 def write_mjcf(
@@ -43,17 +41,6 @@ def write_mjcf(
     ElementTree.indent(root)
     write_atomic(path, ElementTree.tostring(root, encoding="unicode").encode() + b"\n")
     return path
-
-
-def frames_at(count: int, fps: float, rate: float) -> NDArray[np.int64]:
-    """Which of `count` frames at `fps` a second to show at `rate` a second: the nearest ones.
-
-    Raises InputError for a rate that is not positive.
-    """
-    if not (np.isfinite(rate) and rate > 0):
-        raise InputError("rate", f"{rate:g} a second", "a positive number", "correct the value")
-    times = np.arange(0.0, (count - 1) / fps + 1e-9, 1.0 / min(rate, fps))
-    return np.minimum(np.rint(times * fps).astype(np.int64), count - 1)
 
 
 def _row(values: NDArray[np.float64]) -> str:

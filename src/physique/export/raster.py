@@ -90,8 +90,8 @@ def draw(
     width, height = size
     towards = daylight.sun_of(camera) if sun is None else np.asarray(sun, dtype=float)
     towards = towards / np.linalg.norm(towards)
-    layers = [solid, triangles([]) if ghost is None else ghost]
-    seen = [see(layer, camera, size) for layer in layers]
+    body = see(solid, camera, size)
+    veil = see(triangles([]) if ghost is None else ghost, camera, size)
     lights = _Lights(
         towards,
         *_shadow(solid.vertices, solid.faces, towards),
@@ -100,7 +100,7 @@ def draw(
     )
     view = _View(np.array(camera.eye), camera.axes(), pixels_of_a_metre(camera, height))
     light = np.zeros((height, width, 3), dtype=np.float32)
-    _shade(light, *seen, opacity, view, lights)
+    _shade(light, body, veil, opacity, view, lights)
     return (255.0 * np.sqrt(np.minimum(light, 1.0)) + 0.5).astype(np.uint8)
 
 
@@ -154,7 +154,7 @@ def _shade(
             total[:] = 0.0
             for k in range(count):
                 i, j = 2 * row + k // 2, 2 * column + k % 2
-                shown = solid.index[i, j] >= 0 and _body(base, i, j, solid, view, lights, True)
+                shown = solid.owner[i, j] >= 0 and _body(base, i, j, solid, view, lights, True)
                 if not shown:
                     _background(base, 0.5 * j + 0.25, 0.5 * i + 0.25, light.shape, view, lights)
                 if ghost.depth[i, j] > solid.depth[i, j] and _body(
@@ -186,7 +186,7 @@ def _body(
 ) -> bool:
     """The light of the triangle that a sample sees; False where the floor hides it."""
     x, y = column + 0.5, row + 0.5
-    i, j, k = layer.faces[layer.index[row, column]]
+    i, j, k = layer.faces[layer.owner[row, column]]
     ax, ay, az = layer.screen[i]
     bx, by, bz = layer.screen[j]
     cx, cy, cz = layer.screen[k]

@@ -51,7 +51,7 @@ class Layer(NamedTuple):
     colours: Array
     screen: Array  # (V, 3): column and row, in samples, and 1 / depth of each vertex
     depth: Floats  # (2 h, 2 w): 1 / depth of what each sample sees, 0 for nothing
-    index: Integers  # (2 h, 2 w): the triangle that it sees, -1 for none
+    owner: Integers  # (2 h, 2 w): the triangle that it sees, -1 for none
 
 
 def pixels_of_a_metre(camera: Camera, height: int) -> float:
@@ -69,9 +69,9 @@ def see(what: Triangles, camera: Camera, size: tuple[int, int]) -> Layer:
         [width + scale * right * nearness, height - scale * up * nearness, nearness], axis=1
     )
     depth = np.zeros((2 * height, 2 * width), dtype=np.float32)
-    index = np.full(depth.shape, -1, dtype=np.int32)
-    fill(screen, what.faces, depth, index)
-    return Layer(what.vertices, what.faces, what.normals, what.colours, screen, depth, index)
+    owner = np.full(depth.shape, -1, dtype=np.int32)
+    fill(screen, what.faces, depth, owner)
+    return Layer(what.vertices, what.faces, what.normals, what.colours, screen, depth, owner)
 
 
 def grid_view(
@@ -114,9 +114,9 @@ def _add_normals(vertices: Array, faces: Integers, normals: Array) -> None:
 
 
 @compiled
-def fill(screen: Array, faces: Integers, depth: Floats, index: Integers) -> None:
+def fill(screen: Array, faces: Integers, depth: Floats, owner: Integers) -> None:
     """Draw triangles whose corners (column, row, nearness) go round clockwise, as rows count
-    downwards: into depth the largest nearness at the middle of each cell, into index whose it is.
+    downwards: into depth the largest nearness at the middle of each cell, into owner whose it is.
     """
     rows, columns = depth.shape
     for f in range(len(faces)):
@@ -142,4 +142,4 @@ def fill(screen: Array, faces: Integers, depth: Floats, index: Integers) -> None
                 z = (a * az + b * bz + c * cz) / area
                 if z > depth[row, column]:
                     depth[row, column] = z
-                    index[row, column] = f
+                    owner[row, column] = f
