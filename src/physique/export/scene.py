@@ -36,13 +36,13 @@ COLOURS = (
     (0.80, 0.65, 0.54), (0.47, 0.62, 0.78), (0.86, 0.53, 0.42), (0.57, 0.68, 0.50),
     (0.66, 0.57, 0.76), (0.84, 0.72, 0.44),
 )  # fmt: skip
-GHOST = (0.80, 0.84, 0.90)
-OPACITY = 0.45  # of ghosts
+GHOST = (0.64, 0.71, 0.80)
+OPACITY = 0.5  # of ghosts
 
 _GAP = 0.12  # m, free between neighbours
 _SAMPLES = 20  # poses at which figures are measured
 _CALM = 0.25  # s, over which camera and labels are smoothed
-_TAG = 0.26  # m, from the highest joint up to a label
+_TAG = 0.23  # m, from the highest joint up to a label
 _TAG_HEIGHT = np.array([0.0, 0.0, 0.1])  # m
 _INK, _HALO = (44, 50, 58), (246, 247, 248)
 
@@ -198,7 +198,7 @@ def stage_runs(
 
     source: the retargeted source to the left of each run, as a pale ghost. capsules: the
         simulator's shapes in place of the skin. size: (width, height), pixels; None takes 640 x 480
-        for one or two figures and 960 x 540 for more. azimuth, elevation: see `stage`.
+        for one or two figures and 960 x 480 for more. azimuth, elevation: see `stage`.
     Raises InputError for a run without a skin, for runs of different time steps, or as `stage`.
     """
     if len({run.timestep for run in runs}) > 1:
@@ -214,7 +214,7 @@ def stage_runs(
             )
         actors.append(make_actor(shown, motion.q, label=label, colour=colour))
     if size is None:
-        size = (640, 480) if len(actors) < 3 else (960, 540)
+        size = (640, 480) if len(actors) < 3 else (960, 480)
     return stage(actors, 1.0 / runs[0].timestep, size, azimuth=azimuth, elevation=elevation)
 
 

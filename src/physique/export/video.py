@@ -49,7 +49,8 @@ def write_video(
 def encode(path: PathLike, pictures: Iterable[Image], size: tuple[int, int], rate: float) -> Path:
     """Write pictures (h, w, 3) as an MP4 file.
 
-    size: (w, h), even numbers. rate: pictures a second. Raises InputError where PyAV is missing or the file cannot be written.
+    size: (w, h), even numbers. rate: pictures a second. Raises InputError where PyAV is missing or
+    the file cannot be written.
     """
     av = require("av", "video")
     path = Path(path)
