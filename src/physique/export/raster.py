@@ -1,6 +1,6 @@
 """Pictures of triangles, fast: z-buffers in compiled loops, with the light of the ray caster.
 
-Every pixel has four samples on a grid. Where all four lie on the same smooth piece of surface one
+Every pixel has four samples. Where all four lie on the same smooth piece of surface one
 is shaded for all, at edges each is. The sun's shadow is a second z-buffer, seen from the sun; how
 dark the floor is under a body comes from a third, seen from below.
 """
@@ -17,6 +17,7 @@ from physique.compiled import compiled
 from physique.export import daylight
 from physique.export.camera import Camera
 from physique.export.zbuffer import (
+    SLANT,
     Array,
     Floats,
     Integers,
@@ -24,6 +25,7 @@ from physique.export.zbuffer import (
     Triangles,
     grid_view,
     pixels_of_a_metre,
+    place,
     see,
     triangles,
 )
@@ -156,7 +158,10 @@ def _shade(
                 i, j = 2 * row + k // 2, 2 * column + k % 2
                 shown = solid.owner[i, j] >= 0 and _body(base, i, j, solid, view, lights, True)
                 if not shown:
-                    _background(base, 0.5 * j + 0.25, 0.5 * i + 0.25, light.shape, view, lights)
+                    x, y = place(i, j, SLANT)
+                    if count == 1:
+                        x, y = 2.0 * column + 1.0, 2.0 * row + 1.0
+                    _background(base, 0.5 * x, 0.5 * y, light.shape, view, lights)
                 if ghost.depth[i, j] > solid.depth[i, j] and _body(
                     over, i, j, ghost, view, lights, False
                 ):
@@ -185,7 +190,7 @@ def _body(
     out: Array, row: int, column: int, layer: Layer, view: _View, lights: _Lights, shaded: bool
 ) -> bool:
     """The light of the triangle that a sample sees; False where the floor hides it."""
-    x, y = column + 0.5, row + 0.5
+    x, y = place(row, column, SLANT)
     i, j, k = layer.faces[layer.owner[row, column]]
     ax, ay, az = layer.screen[i]
     bx, by, bz = layer.screen[j]
