@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 from physique.errors import InputError
+from physique.export.layout import side_by_side
 from physique.export.skin import skin_vertices
 from physique.export.surface import capsule_surface
-from physique.export.usd import GAP, write_usd
+from physique.export.usd import write_usd
 from physique.run import Run
 
 pytest.importorskip("pxr", reason="needs usd-core: pip install 'physique[usd]'")
@@ -49,17 +50,16 @@ def test_skinned_points_are_ours_to_a_tenth_of_a_millimetre(run: Run, tmp_path: 
         assert np.abs(found - wanted).max() < 1e-4
 
 
-def test_the_source_and_other_runs_stand_beside(run: Run, tmp_path: Path) -> None:
+def test_other_runs_stand_beside_and_the_source_in_place(run: Run, tmp_path: Path) -> None:
     path = write_usd(tmp_path / "two.usda", [run, run], source=True, capsules=True)
     assert path.read_text().startswith("#usda")
     stage = Usd.Stage.Open(str(path))
     figures = [prim.GetName() for prim in stage.GetDefaultPrim().GetChildren()]
     assert figures == ["run0_simulated", "run0_source", "run1_simulated", "run1_source"]
     shapes = capsule_surface(run.body)
-    for place, (name, q) in enumerate(
-        zip(figures, [run.trajectory.q, run.trajectory.reference_q] * 2)
-    ):
-        wanted = skin_vertices(shapes, q[20:21])[0] - [0.0, place * GAP, 0.0]
+    shifts = np.repeat(side_by_side([run, run]), 2, axis=0)
+    for name, q, shift in zip(figures, [run.trajectory.q, run.trajectory.reference_q] * 2, shifts):
+        wanted = skin_vertices(shapes, q[20:21])[0] + shift
         assert np.abs(skinned(stage, f"/World/{name}", 20) - wanted).max() < 1e-4
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from physique import rotations, skeleton
 from physique.errors import InputError
+from physique.export.layout import side_by_side
 from physique.export.surface import Surface, surface
 from physique.extras import require
 from physique.run import Run
@@ -20,7 +21,6 @@ from physique.store import PathLike, write_atomic
 
 Array = NDArray[np.float64]
 
-GAP = 1.2  # m, from one figure to the next
 _GHOST = 0.35  # opacity of the source
 
 
@@ -30,9 +30,9 @@ def write_usd(
     """Write runs side by side as UsdSkel figures, in metres, z up, a time code a frame.
 
     path: ends in .usd or .usdc (binary) or .usda (text). source: adds the retargeted source of
-    each run beside it, pale. capsules: the simulator's shapes in place of the skin. Figures stand
-    1.2 m apart along y; the first is where its run is. Raises InputError where usd-core is
-    missing, a run has no skin, or the file cannot be written.
+    each run, pale and in the same place. capsules: the simulator's shapes in place of the skin.
+    Several runs are moved apart along y; one stays where it is. Raises InputError where usd-core
+    is missing, a run has no skin, or the file cannot be written.
     """
     path = Path(path)
     Usd, UsdGeom = require("pxr.Usd", "usd"), require("pxr.UsdGeom", "usd")
@@ -46,16 +46,14 @@ def write_usd(
     stage.SetFramesPerSecond(rate)
     stage.SetStartTimeCode(0)
     stage.SetEndTimeCode(max(run.trajectory.frames for run in runs) - 1)
-    place = 0
-    for index, run in enumerate(runs):
+    for index, (run, shift) in enumerate(zip(runs, side_by_side(runs))):
         shown = surface(run.mesh, run.body, capsules=capsules)
         motions = [("simulated", run.trajectory.q, 1.0)]
         if source:
             motions.append(("source", run.trajectory.reference_q, _GHOST))
         for kind, q, opacity in motions:
             name = f"/World/run{index}_{kind}"
-            _add_figure(stage, name, shown, q, -GAP * place, opacity, f"{run.name}, {kind}")
-            place += 1
+            _add_figure(stage, name, shown, q, shift, opacity, f"{run.name}, {kind}")
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder) / f"stage{path.suffix}"
         if not stage.GetRootLayer().Export(str(copy)):
@@ -68,15 +66,15 @@ def write_usd(
 
 
 def _add_figure(
-    stage: Any, name: str, shown: Surface, q: Array, y: float, opacity: float, label: str
+    stage: Any, name: str, shown: Surface, q: Array, shift: Array, opacity: float, label: str
 ) -> None:
-    """One skinned, animated person under the prim `name`, moved by y m."""
+    """One skinned, animated person under the prim `name`, moved by `shift` (3,) m."""
     Gf, Vt, UsdGeom, UsdSkel = (
         require(f"pxr.{module}", "usd") for module in ("Gf", "Vt", "UsdGeom", "UsdSkel")
     )
     root = UsdSkel.Root.Define(stage, name)
     root.GetPrim().SetDisplayName(label)
-    root.AddTranslateOp().Set(Gf.Vec3d(0.0, y, 0.0))
+    root.AddTranslateOp().Set(Gf.Vec3d(*map(float, shift)))
     paths = joint_paths()
 
     bones = UsdSkel.Skeleton.Define(stage, f"{name}/skeleton")
