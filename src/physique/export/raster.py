@@ -32,7 +32,8 @@ from physique.export.zbuffer import (
 
 Image = NDArray[np.uint8]
 
-_SHADOW_CELLS, _UNDER_CELLS = 768, 192  # a side, of the views from the sun and from below
+_SHADOW_CELL, _UNDER_CELL = 0.005, 0.015  # m, of the views from the sun and from below
+_MOST_CELLS = 1024  # a side
 _SHADOW_BLUR = 0.012  # m, of the shadow's rim on the floor
 _UNDER_BLUR, _UNDER_FADE = 0.05, 0.15  # m: how far nearness darkens the floor, along it and above
 _UNDER_DARK = 0.6  # part of the sky that a touching body hides
@@ -123,7 +124,7 @@ def _shadow(vertices: Array, faces: Integers, sun: Array) -> tuple[Array, Array,
     side /= np.linalg.norm(side)
     # A mirrored frame: faces that look at the sun go round in it as they do on a screen.
     frame = np.stack([side, np.cross(side, sun), sun])
-    grid, tall = grid_view(vertices @ frame.T, faces, _SHADOW_CELLS)
+    grid, tall = grid_view(vertices @ frame.T, faces, _SHADOW_CELL, _MOST_CELLS)
     covered = (tall > 0).astype(np.float32)
     return frame, grid, tall, gaussian_filter(covered, _SHADOW_BLUR / grid[2], truncate=2.5)
 
@@ -131,7 +132,7 @@ def _shadow(vertices: Array, faces: Integers, sun: Array) -> tuple[Array, Array,
 def _under(vertices: Array, faces: Integers) -> tuple[Array, Floats]:
     """How dark the solid's nearness makes the floor: `below` and `hidden` of `_Lights`."""
     points = vertices * [1.0, 1.0, -1.0]
-    grid, tall = grid_view(points, faces, _UNDER_CELLS, margin=3.0 * _UNDER_BLUR)
+    grid, tall = grid_view(points, faces, _UNDER_CELL, _MOST_CELLS, margin=3.0 * _UNDER_BLUR)
     height = np.maximum(-(tall.astype(float) + grid[3]), 0.0)
     near = np.where(tall > 0, np.exp(-height / _UNDER_FADE), 0.0).astype(np.float32)
     return grid, _UNDER_DARK * gaussian_filter(near, _UNDER_BLUR / grid[2], truncate=2.5)
@@ -156,15 +157,16 @@ def _shade(
             total[:] = 0.0
             for k in range(count):
                 i, j = 2 * row + k // 2, 2 * column + k % 2
-                shown = solid.owner[i, j] >= 0 and _body(base, i, j, solid, view, lights, True)
+                shown = kind != 0 and solid.owner[i, j] >= 0
+                shown = shown and _body(base, i, j, solid, view, lights, True)
                 if not shown:
                     x, y = place(i, j, SLANT)
                     if count == 1:
                         x, y = 2.0 * column + 1.0, 2.0 * row + 1.0
                     _background(base, 0.5 * x, 0.5 * y, light.shape, view, lights)
-                if ghost.depth[i, j] > solid.depth[i, j] and _body(
-                    over, i, j, ghost, view, lights, False
-                ):
+                nearest = solid.depth[i, j] if kind != 0 else 0.0
+                veiled = veil != 0 and ghost.depth[i, j] > nearest
+                if veiled and _body(over, i, j, ghost, view, lights, False):
                     for d in range(3):
                         base[d] += opacity * (over[d] - base[d])
                 for d in range(3):
@@ -176,6 +178,8 @@ def _shade(
 @compiled
 def _uniform(layer: Layer, row: int, column: int) -> int:
     """Of a pixel's four samples: 0 where they see nothing, 1 one smooth surface, -1 more."""
+    if len(layer.depth) == 0:
+        return 0
     least, most = np.inf, 0.0
     for i in range(row, row + 2):
         for j in range(column, column + 2):

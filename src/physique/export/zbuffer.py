@@ -52,7 +52,7 @@ class Layer(NamedTuple):
     normals: Array
     colours: Array
     screen: Array  # (V, 3): column and row, in samples, and 1 / depth of each vertex
-    depth: Floats  # (2 h, 2 w): 1 / depth of what each sample sees, 0 for nothing
+    depth: Floats  # (2 h, 2 w): 1 / depth of what each sample sees, 0 for nothing; or (0, 0)
     owner: Integers  # (2 h, 2 w): the triangle that it sees, -1 for none
 
 
@@ -70,21 +70,28 @@ def see(what: Triangles, camera: Camera, size: tuple[int, int]) -> Layer:
     screen = np.stack(
         [width + scale * right * nearness, height - scale * up * nearness, nearness], axis=1
     )
-    depth = np.zeros((2 * height, 2 * width), dtype=np.float32)
-    owner = np.full(depth.shape, -1, dtype=np.int32)
+    # A layer without triangles needs no samples.
+    samples = (2 * height, 2 * width) if len(what.faces) else (0, 0)
+    depth = np.zeros(samples, dtype=np.float32)
+    owner = np.full(samples, -1, dtype=np.int32)
     fill(screen, what.faces, SLANT, depth, owner)
     return Layer(what.vertices, what.faces, what.normals, what.colours, screen, depth, owner)
 
 
 def grid_view(
-    points: Array, faces: Integers, cells: int, margin: float = 0.05
+    points: Array, faces: Integers, cell: float, most: int, margin: float = 0.05
 ) -> tuple[Array, Floats]:
     """A view along the third axis: (corner of two, cell, zero of heights), and heights above that
-    zero (n, n) of what is seen, 0 where nothing is."""
+    zero (n, n) of what is seen, 0 where nothing is.
+
+    cell: m, of the square grid, or more where it would have more than `most` a side.
+    """
     if len(points) == 0:
-        return np.array([0.0, 0.0, 1.0, 0.0]), np.zeros((cells, cells), dtype=np.float32)
+        return np.array([0.0, 0.0, 1.0, 0.0]), np.zeros((1, 1), dtype=np.float32)
     low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
-    cell = float((high - low)[:2].max()) / cells
+    extent = float((high - low)[:2].max())
+    cell = max(cell, extent / most)
+    cells = int(np.ceil(extent / cell))
     screen = np.empty_like(points)
     screen[:, :2] = (points[:, :2] - low[:2]) / cell
     screen[:, 2] = points[:, 2] - low[2]
