@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import shlex
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +18,7 @@ from numpy.typing import NDArray
 import physique
 from physique.body.build import capsule_body
 from physique.body.named import named_body
-from physique.cli import main
+from physique.cli import Export, main, parse
 from physique.errors import InputError
 from physique.exporting import SUFFIXES, Format, export_run, file_names
 from physique.motion.bvh import read_bvh
@@ -225,3 +227,14 @@ def test_the_same_run_gives_the_same_bytes(folder: Path, tmp_path: Path) -> None
         suffix = ".usda" if kind == "usd" else SUFFIXES[kind][0]
         a, b = (export_run(run, kind, tmp_path / f"{n}{suffix}")[0] for n in "ab")
         assert a.read_bytes() == b.read_bytes(), kind
+
+
+def test_the_documented_commands_are_commands() -> None:
+    page = Path(__file__).resolve().parents[1] / "docs" / "export.md"
+    blocks = re.findall(r"```console\n(.*?)```", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    commands = [line for block in blocks for line in block.splitlines() if "physique " in line]
+    assert len(commands) >= 5
+    for command in commands:
+        made = parse(shlex.split(command)[1:])
+        assert isinstance(made, Export)
+        assert any(made.out.suffix in suffixes for suffixes in SUFFIXES.values())

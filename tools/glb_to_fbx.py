@@ -3,7 +3,7 @@
     physique export out/walk --format glb --out walk.glb
     blender --background --python tools/glb_to_fbx.py -- walk.glb walk.fbx
 
-Works with Blender 4.2 and newer, and as `python tools/glb_to_fbx.py walk.glb walk.fbx` where the
+Tried with Blender 5.0. Also works as `python tools/glb_to_fbx.py walk.glb walk.fbx` where the
 package bpy is installed. Skins, skeletons and the motion of every frame go along; the file is in
 metres, y up, as FBX readers expect it.
 """
