@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import mujoco
 import numpy as np
 import pytest
@@ -11,7 +9,7 @@ from numpy.typing import NDArray
 
 from physique.body.build import capsule_body
 from physique.body.named import named_body
-from physique.run import Run, finish_run
+from physique.run import Run
 from physique.simulation.character import make_character
 from physique.simulation.rollout import simulate, within_limits
 from physique.simulation.start import start_state
@@ -41,12 +39,3 @@ def run(walk: Reference) -> Run:
     )
     record = {"identity": {"clip": "walk", "body": "average"}}
     return Run(record, {"success": True}, motion, character.xml, body, mesh)
-
-
-@pytest.fixture(scope="session")
-def folder(run: Run, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The run in its folder."""
-    path = tmp_path_factory.mktemp("runs") / "walk"
-    path.mkdir()
-    finish_run(path, run)
-    return path

@@ -23,6 +23,7 @@ from physique import skeleton
 from physique.errors import InputError
 from physique.export.camera import Camera
 from physique.export.raster import Image, draw
+from physique.export.sampling import common_timestep
 from physique.export.skin import blend, joint_transforms
 from physique.export.surface import Surface, surface
 from physique.export.zbuffer import Triangles, triangles
@@ -201,8 +202,7 @@ def stage_runs(
         for one or two figures and 960 x 480 for more. azimuth, elevation: see `stage`.
     Raises InputError for a run without a skin, for runs of different time steps, or as `stage`.
     """
-    if len({run.timestep for run in runs}) > 1:
-        raise InputError("runs", "different time steps", "one for all", "export them one at a time")
+    timestep = common_timestep(runs)
     actors = []
     for index, (run, label) in enumerate(zip(runs, labels(runs))):
         shown = surface(run.mesh, run.body, capsules=capsules)
@@ -215,7 +215,7 @@ def stage_runs(
         actors.append(make_actor(shown, motion.q, label=label, colour=colour))
     if size is None:
         size = (640, 480) if len(actors) < 3 else (960, 480)
-    return stage(actors, 1.0 / runs[0].timestep, size, azimuth=azimuth, elevation=elevation)
+    return stage(actors, 1.0 / timestep, size, azimuth=azimuth, elevation=elevation)
 
 
 def labels(runs: Sequence[Run]) -> list[str]:

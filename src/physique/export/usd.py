@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from physique import rotations, skeleton
 from physique.errors import InputError
 from physique.export.layout import side_by_side
+from physique.export.sampling import common_timestep
 from physique.export.surface import Surface, surface
 from physique.extras import require
 from physique.run import Run
@@ -32,7 +33,7 @@ def write_usd(
     path: ends in .usd or .usdc (binary) or .usda (text). source: adds the retargeted source of
     each run, pale and in the same place. capsules: the simulator's shapes in place of the skin.
     Several runs are moved apart along y; one stays where it is. Raises InputError where usd-core
-    is missing, a run has no skin, or the file cannot be written.
+    is missing, a run has no skin, runs have different time steps, or the file cannot be written.
     """
     path = Path(path)
     Usd, UsdGeom = require("pxr.Usd", "usd"), require("pxr.UsdGeom", "usd")
@@ -41,7 +42,7 @@ def write_usd(
     UsdGeom.SetStageMetersPerUnit(stage, 1.0)
     world = UsdGeom.Xform.Define(stage, "/World")
     stage.SetDefaultPrim(world.GetPrim())
-    rate = 1.0 / runs[0].timestep
+    rate = 1.0 / common_timestep(runs)
     stage.SetTimeCodesPerSecond(rate)
     stage.SetFramesPerSecond(rate)
     stage.SetStartTimeCode(0)
