@@ -25,7 +25,10 @@ def frames_at(count: int, fps: float, rate: float) -> NDArray[np.int64]:
 
 
 def common_timestep(runs: Sequence[Run]) -> float:
-    """Seconds from one frame to the next, the same in all runs. Raises InputError where it is not."""
+    """Seconds from one frame to the next, one for all runs.
+
+    Raises InputError where they differ.
+    """
     steps = sorted({run.timestep for run in runs})
     if len(steps) == 1:
         return steps[0]
