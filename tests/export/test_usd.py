@@ -82,6 +82,12 @@ def test_a_run_without_a_skin_needs_capsules(run: Run, tmp_path: Path) -> None:
     assert write_usd(tmp_path / "a.usd", [bare], capsules=True).is_file()
 
 
+def test_another_suffix_is_refused(run: Run, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"\.usd or \.usdc or \.usda"):
+        write_usd(tmp_path / "walk.fbx", [run])
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_missing_package_is_asked_for_in_one_line(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

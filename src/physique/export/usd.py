@@ -22,6 +22,7 @@ from physique.store import PathLike, write_atomic
 
 Array = NDArray[np.float64]
 
+SUFFIXES = (".usd", ".usdc", ".usda")
 _GHOST = 0.35  # opacity of the source
 
 
@@ -32,10 +33,15 @@ def write_usd(
 
     path: ends in .usd or .usdc (binary) or .usda (text). source: adds the retargeted source of
     each run, pale and in the same place. capsules: the simulator's shapes in place of the skin.
-    Several runs are moved apart along y; one stays where it is. Raises InputError where usd-core
-    is missing, a run has no skin, runs have different time steps, or the file cannot be written.
+    Several runs are moved apart along y; one stays where it is. Raises InputError for another
+    suffix, where usd-core is missing, a run has no skin, runs have different time steps, or the
+    file cannot be written.
     """
     path = Path(path)
+    if path.suffix.lower() not in SUFFIXES:
+        raise InputError(
+            str(path), f"suffix {path.suffix!r}", " or ".join(SUFFIXES), "choose one of these"
+        )
     Usd, UsdGeom = require("pxr.Usd", "usd"), require("pxr.UsdGeom", "usd")
     stage = Usd.Stage.CreateInMemory()
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
@@ -56,12 +62,8 @@ def write_usd(
             name = f"/World/run{index}_{kind}"
             _add_figure(stage, name, shown, q, shift, opacity, f"{run.name}, {kind}")
     with tempfile.TemporaryDirectory() as folder:
-        copy = Path(folder) / f"stage{path.suffix}"
-        if not stage.GetRootLayer().Export(str(copy)):
-            raise InputError(
-                str(path), "a file that USD does not write", ".usd, .usdc or .usda",
-                "choose one of the three suffixes",
-            )  # fmt: skip
+        copy = Path(folder) / f"stage{path.suffix.lower()}"
+        stage.GetRootLayer().Export(str(copy))
         write_atomic(path, copy.read_bytes())
     return path
 
