@@ -153,8 +153,8 @@ class Export:
         runs: folders of runs; several share one file in glb, usd and mp4
         out: the file; for several runs in other formats, a folder
         format: what to write; left out, the suffix of --out says it
-        source: the source motion too, as a ghost beside (glb, usd, mp4), as more columns (csv), or
-            in place of the simulated one (bvh, amass, mjcf)
+        source: the source motion too, as a ghost (glb, usd, mp4) or more columns (csv), or in
+            place of the simulated one (bvh, amass, mjcf)
         capsules: the simulator's shapes in place of the skin (glb, usd, mp4)
         rate: pictures (mp4) or keyframes (mjcf) a second; 25 if left out
         size: width and height of the video, pixels

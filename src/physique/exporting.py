@@ -47,8 +47,9 @@ def export_run(
     runs: one or several, or their folders. format: None takes what the suffix of `out` says.
     out: a file. Several runs share it in glb, usd and mp4; for the other formats it is then a
         folder, where each run has a file named after its clip and body.
-    source: the retargeted source motion too: beside the run where the format shows several figures
-        or columns (glb, usd, mp4, csv), else in its place (bvh, amass, mjcf).
+    source: the source motion, as retargeted to the body, too: as a ghost beside (mp4), a pale
+        figure in its true place (glb, usd) or more columns (csv); bvh, amass and mjcf hold one
+        motion, and it is the source then.
     capsules: the simulator's shapes in place of the skin (glb, usd, mp4).
     rate: pictures (mp4) or keyframes (mjcf) a second; 25 if left out.
     size: width and height of pictures (mp4), pixels.
