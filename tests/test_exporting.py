@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 import shlex
+import sys
+import types
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -120,6 +122,21 @@ def test_several_runs_share_a_file_or_go_to_a_folder(run: Run, tmp_path: Path) -
     assert len(export_run([run, run], "usd", tmp_path / "both.usd")) == 1
     with pytest.raises(InputError, match="one file for 2 runs"):
         export_run([run, run], "csv", tmp_path / "both.csv")
+
+
+def test_glb_gets_the_runs_and_its_options(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def write_glb(path: Path, runs: Sequence[Run], *, source: bool, capsules: bool) -> Path:
+        path.write_text(f"{len(runs)} {source} {capsules}")
+        return path
+
+    monkeypatch.setitem(
+        sys.modules, "physique.export.gltf", types.SimpleNamespace(write_glb=write_glb)
+    )
+    out = tmp_path / "both.glb"
+    assert export_run([run, run], None, out, capsules=True) == [out]
+    assert out.read_text() == "2 False True"
 
 
 def test_names_of_a_run_cannot_leave_the_folder(run: Run, tmp_path: Path) -> None:
