@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from physique.body.fit import make_body
     from physique.body.named import named_body
     from physique.errors import InputError
+    from physique.exporting import export_run
     from physique.motion.clip import Motion
     from physique.motion.library import list_clips
     from physique.motion.read import read_motion
@@ -35,6 +36,7 @@ __all__ = [
     "Trajectory",
     "capsule_body",
     "export_bvh",
+    "export_run",
     "list_clips",
     "load_body",
     "load_run",
@@ -55,6 +57,7 @@ _HOME = {
     "physique.body.fit": ("make_body",),
     "physique.body.named": ("named_body",),
     "physique.errors": ("InputError",),
+    "physique.exporting": ("export_run",),
     "physique.motion.clip": ("Motion",),
     "physique.motion.library": ("list_clips",),
     "physique.motion.read": ("read_motion",),

@@ -146,6 +146,45 @@ class Retarget:
 
 
 @dataclass(frozen=True)
+class Export:
+    """Write runs as files that other programs open (docs/export.md).
+
+    Args:
+        runs: folders of runs; several share one file in glb, usd and mp4
+        out: the file; for several runs in other formats, a folder
+        format: what to write; left out, the suffix of --out says it
+        source: the source motion too, as a ghost (glb, usd, mp4) or more columns (csv), or in
+            place of the simulated one (bvh, amass, mjcf)
+        capsules: the simulator's shapes in place of the skin (glb, usd, mp4)
+        rate: pictures (mp4) or keyframes (mjcf) a second; 25 if left out
+        size: width and height of the video, pixels
+    """
+
+    runs: Annotated[Positional[tuple[Path, ...]], arg(metavar="RUN [RUN ...]")]
+    out: Annotated[Path, arg(metavar="FILE")]
+    format: Literal["glb", "bvh", "usd", "amass", "mjcf", "mp4", "csv"] | None = None
+    source: bool = False
+    capsules: bool = False
+    rate: Annotated[float | None, arg(metavar="NUMBER")] = None
+    size: Annotated[tuple[int, int] | None, arg(metavar="WIDTH HEIGHT")] = None
+
+    def run(self) -> None:
+        """Write them and say where they are."""
+        from physique.exporting import export_run
+
+        files = export_run(
+            self.runs,
+            self.format,
+            self.out,
+            source=self.source,
+            capsules=self.capsules,
+            rate=self.rate,
+            size=self.size,
+        )
+        console.show_files(files)
+
+
+@dataclass(frozen=True)
 class Demo:
     """Retarget an embedded clip onto two ready bodies, with pictures.
 
@@ -167,13 +206,13 @@ class Demo:
         console.show_files(result.pictures)
 
 
-def parse(arguments: list[str] | None = None) -> Bodies | Clips | Body | Retarget | Demo:
+def parse(arguments: list[str] | None = None) -> Bodies | Clips | Body | Retarget | Export | Demo:
     """The subcommand that the arguments ask for. Raises InputError for a fault in them."""
     said = io.StringIO()
     try:
         with contextlib.redirect_stderr(said):
             return tyro.cli(
-                Bodies | Clips | Body | Retarget | Demo,
+                Bodies | Clips | Body | Retarget | Export | Demo,
                 prog="physique",
                 description="Make a body shape perform a motion-capture clip under physics.",
                 args=arguments,

@@ -13,9 +13,9 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from physique import metrics, run, skeleton
+from physique import metrics, run
 from physique.errors import InputError
-from physique.export.bvh import write_bvh
+from physique.export.bvh import write_body_bvh
 from physique.inputs import (
     BodyLike,
     TorqueLimit,
@@ -28,7 +28,7 @@ from physique.inputs import (
 from physique.motion.clip import Motion
 from physique.motion.read import read_motion
 from physique.run import Checkpoint, Run
-from physique.simulation import kinematics, reduced
+from physique.simulation import kinematics
 from physique.simulation.character import Character, make_character
 from physique.simulation.quiet import quiet
 from physique.simulation.simulator import Simulator
@@ -184,18 +184,8 @@ def read_clip_part(
 
 def export_bvh(path: PathLike, character: Character, trajectory: Trajectory) -> Path:
     """Write the simulated motion as a BVH file of the body's own skeleton."""
-    joints = character.body.joints
-    offsets = np.array([joints[j] - joints[max(p, 0)] for j, p in enumerate(skeleton.PARENTS)])
-    q = trajectory.q
-    return write_bvh(
-        path,
-        skeleton.JOINTS,
-        skeleton.PARENTS,
-        offsets,
-        reduced.to_rotations(q[:, 3:7], q[:, 7:]),
-        q[:, :3],
-        1.0 / float(character.model.opt.timestep),
-    )
+    fps = 1.0 / float(character.model.opt.timestep)
+    return write_body_bvh(path, character.body.joints, trajectory.q, fps)
 
 
 def _track(

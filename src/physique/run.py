@@ -23,7 +23,7 @@ from physique.body.bodyfile import load_body, save_body
 from physique.body.capsule_body import CapsuleBody
 from physique.body.mesh import BodyMesh
 from physique.errors import InputError
-from physique.simulation.character import Character, load_character
+from physique.simulation.character import TIMESTEP, Character, load_character
 from physique.store import (
     PathLike,
     prepare_folder,
@@ -75,6 +75,12 @@ class Run:
     def name(self) -> str:
         """Clip and body."""
         return f"{self.record['identity']['clip']} on {self.body.name}"
+
+    @property
+    def timestep(self) -> float:
+        """Seconds from one frame to the next."""
+        times = self.trajectory.times
+        return float(times[1]) if len(times) > 1 else TIMESTEP
 
     def character(self) -> Character:
         """The body as it was simulated."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
@@ -10,9 +9,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from physique import rotations
+from physique import rotations, skeleton
 from physique.errors import InputError
-from physique.store import write_atomic
+from physique.simulation import reduced
+from physique.store import PathLike, write_atomic
 
 Array = NDArray[np.float64]
 
@@ -23,7 +23,7 @@ _END = 0.35  # length of an End Site, as a part of its joint's own bone
 
 
 def write_bvh(
-    path: str | os.PathLike[str],
+    path: PathLike,
     names: Sequence[str],
     parents: Sequence[int] | NDArray[np.int64],
     offsets_m: ArrayLike,
@@ -68,8 +68,15 @@ def write_bvh(
     return path
 
 
+def write_body_bvh(path: PathLike, joints: Array, q: Array, fps: float) -> Path:
+    """Write states q (T, 57) on a body's own skeleton, rest joints (22, 3) m, as a BVH file."""
+    offsets = joints - joints[np.maximum(skeleton.PARENTS, 0)]
+    turns = reduced.to_rotations(q[:, 3:7], q[:, 7:])
+    return write_bvh(path, skeleton.JOINTS, skeleton.PARENTS, offsets, turns, q[:, :3], fps)
+
+
 def _check(
-    path: str | os.PathLike[str],
+    path: PathLike,
     names: Sequence[str],
     parent: NDArray[np.int64],
     offsets: Array,

@@ -48,6 +48,20 @@ class Camera:
         shift = np.array([x, y, 0.0])
         return replace(self, eye=_triple(self.eye + shift), target=_triple(self.target + shift))
 
+    def holding(self, points: ArrayLike, size: tuple[int, int], margin: float = 1.12) -> Camera:
+        """The camera of the same direction over the origin, as near as it sees all points (n, 3).
+
+        size: (w, h) of the picture, pixels. margin: how much more than that it sees.
+        """
+        at = np.asarray(points, dtype=float)
+        target = np.array([0.0, 0.0, 0.5 * (at[:, 2].min() + at[:, 2].max())])
+        axes = self.axes()
+        right, up, depth = ((at - target) @ axes.T).T
+        tangent = np.tan(np.radians(self.fov) / 2.0)
+        across = np.maximum(np.abs(right) * size[1] / size[0], np.abs(up)) / tangent
+        eye = target - margin * float(np.max(across - depth)) * axes[2]
+        return Camera(_triple(eye), _triple(target), self.fov)
+
     def axes(self) -> Array:
         """(3, 3): the directions right, up and forward of the picture, as rows, in the world."""
         forward = np.subtract(self.target, self.eye)

@@ -25,7 +25,6 @@ AZIMUTH, ELEVATION = 50.0, 10.0  # degrees: from before and a little to the left
 _CENTRE, _LEFT, _RIGHT = np.array([[0.79, 0.72, 0.64], [0.33, 0.54, 0.78], [0.86, 0.48, 0.36]])
 _REFERENCE = np.array([0.66, 0.67, 0.70])
 _INK, _PAPER = (52, 58, 66), (255, 255, 255)
-_MARGIN = 1.12  # free space round a framed figure
 
 
 def render(
@@ -67,7 +66,7 @@ def frame_camera(
     """
     q = _sequence(model, q, "q")
     probe = Camera.look_at(np.zeros(3), azimuth=azimuth, elevation=elevation, fov=fov)
-    return _fit(probe, _outline(model, q), size).follow(q[0])
+    return probe.holding(_outline(model, q), size).follow(q[0])
 
 
 def strip(
@@ -160,7 +159,7 @@ def animation(
         beside[:, :2] += shift[:2]
         centre = 0.5 * apart * right
         outline = np.concatenate([outline, other + shift]) - centre
-    view = camera or _fit(view, outline, size)
+    view = camera or view.holding(outline, size)
     step_ms = max(1000.0 / rate, 1000.0 / fps)
     step_ms = round(step_ms, -1) if path.suffix.lower() == ".gif" else round(step_ms)
     times = np.arange(0.0, (len(q) - 1) / fps + 1e-9, step_ms / 1000.0)
@@ -208,17 +207,6 @@ def _outline(model: mujoco.MjModel, q: Array) -> Array:
     """Points (n, 3) round all poses of q (T, nq), as seen from the floor under the root."""
     points = [_corners(model, row) - [*row[:2], 0.0] for row in q[_even(len(q), 24)]]
     return np.concatenate([*points, np.zeros((1, 3))])
-
-
-def _fit(camera: Camera, points: Array, size: tuple[int, int]) -> Camera:
-    """The camera of the same direction over the origin, as near as it sees all points (n, 3)."""
-    target = np.array([0.0, 0.0, 0.5 * (points[:, 2].min() + points[:, 2].max())])
-    axes = camera.axes()
-    right, up, depth = ((points - target) @ axes.T).T
-    tangent = np.tan(np.radians(camera.fov) / 2.0)
-    across = np.maximum(np.abs(right) * size[1] / size[0], np.abs(up)) / tangent
-    eye = target - _MARGIN * float(np.max(across - depth)) * axes[2]
-    return Camera(tuple(eye), tuple(target), camera.fov)
 
 
 def _sequence(model: mujoco.MjModel, q: ArrayLike, name: str) -> Array:

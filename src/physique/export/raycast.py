@@ -15,13 +15,24 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from physique.export.camera import Camera
+from physique.export.daylight import (
+    FILL,
+    FLOOR,
+    FOG,
+    GROUND_LIGHT,
+    SKY_BAND,
+    SKY_LIGHT,
+    SKY_LOW,
+    SKY_TOP,
+    SUN,
+    TILE,
+    sun_of,
+)
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
-TILE = 0.5  # m, side of the floor's squares
 FAR = 200.0  # m
-_FOG = (7.0, 30.0)  # m, where the floor begins and ends to fade into the sky
 _SUN_DISTANCE, _SUN_RADIUS = 40.0, 1.2  # m
 _PENUMBRA = 0.1  # m, half the width of the soft rim of a shadow, at most
 _PIECE = 4096  # rays
@@ -29,12 +40,6 @@ _PLANE = int(mujoco.mjtGeom.mjGEOM_PLANE)
 _ROUNDED = {int(mujoco.mjtGeom.mjGEOM_SPHERE), int(mujoco.mjtGeom.mjGEOM_CAPSULE),
             int(mujoco.mjtGeom.mjGEOM_ELLIPSOID), int(mujoco.mjtGeom.mjGEOM_CYLINDER),
             int(mujoco.mjtGeom.mjGEOM_BOX)}  # fmt: skip
-
-# Stored colours; light is given as it adds up.
-_SKY_TOP, _SKY_LOW = np.array([0.70, 0.78, 0.87]), np.array([0.93, 0.94, 0.95])
-_FLOOR = np.array([[0.92, 0.92, 0.91], [0.80, 0.81, 0.83]])
-_SUN = np.array([0.71, 0.66, 0.60])
-_SKY_LIGHT, _GROUND_LIGHT = np.array([0.46, 0.49, 0.54]), np.array([0.22, 0.21, 0.20])
 
 
 @dataclass(frozen=True)
@@ -93,7 +98,7 @@ def cast(
     sun: (3,) direction towards the light; left out, it shines from the upper left of the camera.
     """
     width, height = size
-    scene = _make_scene(tuple(layers), _sun(camera) if sun is None else np.asarray(sun, float))
+    scene = _make_scene(tuple(layers), sun_of(camera) if sun is None else np.asarray(sun, float))
     column, row = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
     pixels = np.stack([column.ravel(), row.ravel()], axis=1)
     light, identity, lit = _see_all(scene, camera, pixels, size, 1.0)
@@ -105,12 +110,6 @@ def cast(
     light[edges] = 0.2 * light[edges] + 0.8 * more.reshape(len(offsets), -1, 3).mean(0)
     stored = np.sqrt(np.clip(light, 0.0, 1.0))
     return np.rint(stored * 255.0).astype(np.uint8).reshape(height, width, 3)
-
-
-def _sun(camera: Camera) -> Array:
-    right, _, forward = camera.axes()
-    ahead = np.array([forward[0], forward[1], 0.0])
-    return -0.55 * right - 0.55 * ahead / np.linalg.norm(ahead) + np.array([0.0, 0.0, 1.05])
 
 
 def _make_scene(layers: tuple[Layer, ...], sun: Array) -> _Scene:
@@ -256,22 +255,21 @@ def _see(
     lit[dim] = _sunlit(scene, points[dim] + 1e-3 * normal[dim])
 
     up = 0.5 + 0.5 * normal[:, 2:]
-    ambient = (_GROUND_LIGHT + up * (_SKY_LIGHT - _GROUND_LIGHT)) * openness[:, None]
-    # A weak light from the camera shows the shapes that are in the shade.
-    fill = 0.12 * np.maximum(-np.einsum("ij,ij->i", normal, rays), 0.0)
-    surface = colour * (ambient + fill[:, None] + (lit * facing)[:, None] * _SUN)
-    fog = np.clip((distance - _FOG[0]) / (_FOG[1] - _FOG[0]), 0.0, 1.0) * is_floor
+    ambient = (GROUND_LIGHT + up * (SKY_LIGHT - GROUND_LIGHT)) * openness[:, None]
+    fill = FILL * np.maximum(-np.einsum("ij,ij->i", normal, rays), 0.0)
+    surface = colour * (ambient + fill[:, None] + (lit * facing)[:, None] * SUN)
+    fog = np.clip((distance - FOG[0]) / (FOG[1] - FOG[0]), 0.0, 1.0) * is_floor
     light[seen] += (1.0 - fog * fog * (3.0 - 2.0 * fog))[:, None] * (surface - light[seen])
     lit_all[seen] = lit
     # Where the floor has faded into the sky there is no edge between them.
     identity_all = np.full(len(light), -1)
-    identity_all[seen] = np.where(is_floor, -1 - (distance < _FOG[1]), identity)
+    identity_all[seen] = np.where(is_floor, -1 - (distance < FOG[1]), identity)
     return light, identity_all, lit_all
 
 
 def _sky(rays: Array) -> Array:
-    height = np.clip(rays[:, 2:] / 0.45, 0.0, 1.0)
-    return _SKY_LOW**2 * (1.0 - height) + _SKY_TOP**2 * height
+    height = np.clip(rays[:, 2:] / SKY_BAND, 0.0, 1.0)
+    return SKY_LOW**2 * (1.0 - height) + SKY_TOP**2 * height
 
 
 def _smooth(
@@ -307,7 +305,7 @@ def _colours(
             R = one.data.geom_xmat[plane].reshape(3, 3)
             local = (points[on] - one.data.geom_xpos[plane]) @ R
             share = _checker(local[:, :2], rays[on] @ R, width[on])
-            colour[on] = _FLOOR[0] ** 2 + share[:, None] * (_FLOOR[1] ** 2 - _FLOOR[0] ** 2)
+            colour[on] = FLOOR[0] ** 2 + share[:, None] * (FLOOR[1] ** 2 - FLOOR[0] ** 2)
             is_floor[on] = True
     return colour, is_floor
 
