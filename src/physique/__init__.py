@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from physique.simulation.strength import torque_limits
     from physique.tracking.reference import Reference, make_reference
     from physique.tracking.trajectory import Trajectory
+    from physique.view.report import write_report
 
 __version__ = version("physique")
 
@@ -47,6 +48,7 @@ __all__ = [
     "save_body",
     "start_state",
     "torque_limits",
+    "write_report",
 ]
 
 _HOME = {
@@ -65,6 +67,7 @@ _HOME = {
     "physique.tracking.reference": ("Reference", "make_reference"),
     "physique.simulation.start": ("start_state",),
     "physique.tracking.trajectory": ("Trajectory",),
+    "physique.view.report": ("write_report",),
 }
 
 

@@ -88,7 +88,7 @@ export async function createStage(canvas, { figures, onChange }) {
     const at = new Vector3();
     for (const actor of seen) box.expandByPoint(actor.hips.getWorldPosition(at));
     box.getCenter(into);
-    into.y = 0.5 * into.y + 0.48;
+    into.y = 0.5 * into.y + 0.4;
     return { into, width: box.max.x - box.min.x, depth: box.max.z - box.min.z };
   }
 
@@ -129,7 +129,7 @@ export async function createStage(canvas, { figures, onChange }) {
     const direction = VIEWS[view].clone().normalize();
     const across = Math.abs(direction.z) * width + Math.abs(direction.x) * depth + 1.7;
     const half = Math.tan((camera.fov * Math.PI) / 360);
-    const distance = Math.max(BODY_HEIGHT / (2 * half), across / (2 * half * camera.aspect)) * 1.02;
+    const distance = Math.max((1.2 * BODY_HEIGHT) / (2 * half), across / (2 * half * camera.aspect));
     controls.target.copy(center);
     camera.position.copy(center).addScaledVector(direction, distance + depth / 2);
     controls.update();
@@ -251,7 +251,7 @@ function nodesByName(gltf) {
 // A joint at its limit shines through the skin.
 function makeLamp() {
   const material = new MeshBasicMaterial({ color: 0xe5243b, transparent: true, depthTest: false });
-  const lamp = new Mesh(new SphereGeometry(0.055, 16, 12), material);
+  const lamp = new Mesh(new SphereGeometry(0.045, 16, 12), material);
   lamp.renderOrder = 3;
   lamp.visible = false;
   return lamp;

@@ -1,1 +1,1 @@
-"""Pages to look at runs with."""
+"""A page in the browser that plays runs, and lets people push the bodies."""

@@ -23,7 +23,7 @@ LEVELS = (("easy", 3.0), ("fair", 10.0), ("hard", 25.0), ("very hard", np.inf))
 
 #: What groups of terms of Eq. 2 mean to someone who looks at the motion.
 CAUSES: dict[str, tuple[tuple[str, ...], str]] = {
-    "balance": (("com", "com_velocity"), "the weight is not carried where the recording has it"),
+    "balance": (("com", "com_velocity"), "the body's weight is not where the recording carries it"),
     "pose": (("pose",), "joints do not reach the recorded angles"),
     "trunk": (("root",), "the hips are turned away from the recording"),
     "speed": (("velocity", "acceleration"), "joints are not as fast as recorded"),
@@ -108,8 +108,9 @@ def _strength(use: Array) -> list[tuple[str, str]]:
     often = [i for i in np.argsort(-full, kind="stable")[:3] if full[i] >= _OFTEN]
     if not often:
         return []
-    named = ", ".join(f"{hinge_words(HINGES[i].name)} {100 * full[i]:.0f} %" for i in often)
-    return [("strength", f"all it has, part of the time: {named}")]
+    named = [f"{hinge_words(HINGES[i].name)} {100 * full[i]:.0f} %" for i in often]
+    named[0] += " of the time"
+    return [("strength", f"at the limit: {', '.join(named)}")]
 
 
 def _contact(on_floor: NDArray[np.bool_]) -> list[tuple[str, str]]:

@@ -98,8 +98,9 @@ const physiquePlots = (() => {
       const { width, height } = tip.getBoundingClientRect();
       const right = event.clientX + 16 + width > innerWidth;
       const x = right ? Math.max(4, event.clientX - width - 14) : event.clientX + 16;
-      const y = Math.min(event.clientY + 14, innerHeight - height - 6);
-      tip.style.transform = `translate(${x}px, ${Math.max(4, y)}px)`;
+      const above = event.clientY - height - 12;
+      const y = above > 4 ? above : Math.min(event.clientY + 16, innerHeight - height - 4);
+      tip.style.transform = `translate(${x}px, ${y}px)`;
     }
 
     setTime(time) {
@@ -153,7 +154,7 @@ const physiquePlots = (() => {
     low = Math.floor(low / step + 1e-9) * step;
     high = Math.ceil(high / step - 1e-9) * step;
     const plotHeight = 104;
-    const barsHeight = bars.length * 9 + (bars.length ? 4 : 0);
+    const barsHeight = bars.length * 11 + (bars.length ? 6 : 0);
     return {
       label,
       height: () => 6 + plotHeight + barsHeight + 20,
@@ -190,7 +191,7 @@ const physiquePlots = (() => {
           ctx.globalAlpha = 1;
         }
         bars.forEach(({ name, colour, times, values }, row) => {
-          const top = 6 + plotHeight + 6 + row * 9;
+          const top = 6 + plotHeight + 9 + row * 11;
           ctx.fillStyle = css("--quiet");
           ctx.textAlign = "right";
           ctx.font = "10px system-ui, sans-serif";
