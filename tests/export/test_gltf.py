@@ -215,6 +215,21 @@ def test_colours_are_linear_in_the_file() -> None:
     assert linear_rgb("#ff8000") == pytest.approx([1.0, 0.2158605, 0.0], abs=1e-6)
 
 
+def test_another_reader_finds_the_body_upright_and_in_metres(made_run: Run, tmp_path: Path) -> None:
+    trimesh = pytest.importorskip("trimesh")
+    scene = trimesh.load_scene(write_glb(tmp_path / "a.glb", [made_run], source=True))
+    assert made_run.mesh is not None
+    assert len(scene.geometry) == 2
+    for mesh in scene.geometry.values():
+        assert len(mesh.faces) == len(made_run.mesh.faces)
+        assert mesh.volume == pytest.approx(
+            trimesh.Trimesh(made_run.mesh.vertices, made_run.mesh.faces, process=False).volume,
+            rel=1e-4,
+        )
+        assert mesh.bounds[:, 1] == pytest.approx([0, made_run.body.height], abs=0.01)
+        assert np.ptp(mesh.bounds[:, 0]) > 1.4  # the arms stretch out sideways
+
+
 def test_the_khronos_validator_finds_nothing(made_run: Run, tmp_path: Path) -> None:
     if shutil.which("node") is None:
         pytest.skip("needs Node.js")

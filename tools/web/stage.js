@@ -128,10 +128,11 @@ export async function createStage(canvas, { figures, onChange }) {
     const { width, depth } = middle(center);
     const direction = VIEWS[view].clone().normalize();
     const across = Math.abs(direction.z) * width + Math.abs(direction.x) * depth + 1.7;
+    const toward = Math.abs(direction.x) * width + Math.abs(direction.z) * depth;
     const half = Math.tan((camera.fov * Math.PI) / 360);
     const distance = Math.max((1.2 * BODY_HEIGHT) / (2 * half), across / (2 * half * camera.aspect));
     controls.target.copy(center);
-    camera.position.copy(center).addScaledVector(direction, distance + depth / 2);
+    camera.position.copy(center).addScaledVector(direction, distance + toward / 2);
     controls.update();
     render();
   }

@@ -154,8 +154,10 @@ def settings(run: Run) -> list[tuple[str, str]]:
 
 
 def length(mm: float) -> str:
-    """A distance in mm, or cm where it is large."""
-    return f"{mm:.0f} mm" if mm < 100 else f"{mm / 10:.0f} cm"
+    """A distance in mm, cm or m, whichever suits its size."""
+    if mm < 100:
+        return f"{mm:.0f} mm"
+    return f"{mm / 10:.0f} cm" if mm < 1000 else f"{mm / 1000:.1f} m"
 
 
 def _seconds(value: float | None) -> str | None:

@@ -24,6 +24,12 @@
     return { title: when, lines: part.causes.map(([word, text]) => [null, `${word}: ${text}`]) };
   }
 
+  function costOf(part) {
+    const shares = Object.entries(part.shares).sort(([, a], [, b]) => b - a);
+    const listed = shares.map(([word, share]) => `${word} ${(100 * share).toFixed(0)} %`).join(", ");
+    return [null, `Cost ${part.difficulty.toFixed(1)} a second: ${listed}`];
+  }
+
   function difficultyRow(run) {
     return {
       name: several ? run.short : "",
@@ -37,7 +43,7 @@
           colour: `--${part.level.replace(" ", "-")}`,
           ink: dark ? "#ffffff" : "--ink",
           texts: [causes.join(", "), causes.slice(0, 2).join(", "), causes[0] ?? part.level, part.level],
-          words: wordsOf(part),
+          words: { ...wordsOf(part), lines: [costOf(part), ...wordsOf(part).lines] },
         };
       }),
     };
@@ -111,7 +117,9 @@
     const series = sides.map(([name, colour], k) => {
       return { name, colour, times: run.times, values: run.force[k], fill: true };
     });
-    if (run.forceOther.some((value) => value > 0.05)) {
+    const rest = run.forceOther.some((value) => value > 0.05);
+    byId("rest").hidden = !rest;
+    if (rest) {
       const other = { name: "rest of the body", colour: "--hot" };
       series.push({ ...other, times: run.times, values: run.forceOther });
     }
@@ -132,15 +140,16 @@
   }
 
   // What makes the present part hard, for each run.
-  function why() {
+  function why(time = state.time) {
     const told = runs.map((run) => {
-      const part = run.windows.find(({ end }) => state.time < end) ?? run.windows.at(-1);
+      const part = run.windows.find(({ end }) => time < end) ?? run.windows.at(-1);
       return part && { run, part };
     });
     const key = told.map((one) => one?.part.start).join();
     if (why.shown === key) return;
     why.shown = key;
-    const blocks = told.filter(Boolean).flatMap(({ run, part }) => {
+    const blocks = told.filter(Boolean).map(({ run, part }) => {
+      const block = document.createElement("div");
       const title = document.createElement("p");
       const { title: when, lines: causes } = wordsOf(part);
       title.append(dot(run.colour), `${several ? `${run.short}, ` : ""}${when}`);
@@ -154,9 +163,23 @@
         item.append(strong, `: ${rest.join(": ")}`);
         list.append(item);
       }
-      return causes.length ? [title, list] : [title];
+      block.append(title, list);
+      return block;
     });
     byId("why").replaceChildren(...blocks);
+  }
+
+  // Keep room for the longest of them, so that nothing below jumps while the motion plays.
+  function reserve() {
+    const box = byId("why");
+    box.style.minHeight = "";
+    let most = 0;
+    for (const { start } of runs.flatMap((run) => run.windows)) {
+      why(start + 1e-6);
+      most = Math.max(most, box.offsetHeight);
+    }
+    box.style.minHeight = `${most}px`;
+    why();
   }
 
   function dot(colour) {
@@ -322,6 +345,12 @@
     event.preventDefault();
   });
 
+  let width = 0;
+  new ResizeObserver(() => {
+    if (byId("why").clientWidth === width) return;
+    width = byId("why").clientWidth;
+    reserve();
+  }).observe(byId("why"));
   byId("total").textContent = `of ${duration.toFixed(2)} s`;
   detailCharts();
   choose(null);
