@@ -170,6 +170,9 @@ def test_runs_that_are_not_told_apart_by_body_have_other_names(
         return [run["short"] for run in page_of(tmp_path / "a.html", list(runs)).data()["runs"]]
 
     assert names(made_run, renamed(made_run, clip="run")) == ["walk on average", "run on average"]
+    identity = {**made_run.record["identity"], "torque_limit": 40.0}
+    weak = dataclasses.replace(made_run, record={**made_run.record, "identity": identity})
+    assert names(weak, made_run) == ["average, 40 Nm at every joint", "average, own strength"]
     assert names(made_run, made_run) == ["walk on average (1)", "walk on average (2)"]
 
 

@@ -25,7 +25,7 @@ from physique.run import Run, load_run
 from physique.store import PathLike, write_atomic
 from physique.view.difficulty import LEVELS
 from physique.view.signals import names, signals
-from physique.view.words import Row, lost_at, rows, settings, verdict
+from physique.view.words import Row, limits, lost_at, rows, settings, verdict
 
 log = logging.getLogger(__name__)
 
@@ -156,12 +156,16 @@ def _clips(runs: Sequence[Run]) -> list[str]:
 
 
 def _short_names(runs: Sequence[Run]) -> list[str]:
-    """Names that tell the runs apart: the body, or clip and body, with a number where needed."""
-    bodies = [run.body.name for run in runs]
-    found = bodies if len(set(bodies)) == len(bodies) else [run.name for run in runs]
-    if len(set(found)) == len(found):
-        return found
-    return [f"{name} ({index + 1})" for index, name in enumerate(found)]
+    """Names that tell the runs apart: the body, or more where that is not enough."""
+    names = [run.name for run in runs]
+    for found in (
+        [run.body.name for run in runs],
+        [f"{run.body.name}, {limits(run)}" for run in runs],
+        names,
+    ):
+        if len(set(found)) == len(found):
+            return found
+    return [f"{name} ({index + 1})" for index, name in enumerate(names)]
 
 
 def _listed(words: Sequence[str]) -> str:
@@ -183,7 +187,7 @@ def _lede(runs: Sequence[Run]) -> str:
 
 
 def _person(run: Run) -> str:
-    return f"{run.body.height:.2f} m, {run.body.mass:.0f} kg"
+    return f"{run.body.height:.2f} m, {run.body.mass:.0f} kg, {limits(run)}"
 
 
 def _mark(index: int) -> str:

@@ -133,6 +133,12 @@ def rows(run: Run) -> list[Row]:
     ]
 
 
+def limits(run: Run) -> str:
+    """How strong the joints are."""
+    value = run.record["identity"].get("torque_limit", "body")
+    return "own strength" if value == "body" else f"{value:g} Nm at every joint"
+
+
 def settings(run: Run) -> list[tuple[str, str]]:
     """What the run was made with."""
     record, identity = run.record, run.record["identity"]
@@ -143,7 +149,7 @@ def settings(run: Run) -> list[tuple[str, str]]:
         ("part", f"{begin or 0:g} s to " + ("the end" if end is None else f"{end:g} s")),
         ("frame rate", "as in the file" if identity.get("fps") is None else f"{identity['fps']:g}"),
         ("body", f"{run.body.name}, {run.body.height:.2f} m, {run.body.mass:.1f} kg"),
-        ("torque limits", _limits(identity.get("torque_limit"))),
+        ("torque limits", limits(run)),
         ("optimiser", identity.get("optimizer")),
         ("look-ahead", _seconds(identity.get("horizon"))),
         ("kept of each window", _seconds(identity.get("commit"))),
@@ -162,12 +168,6 @@ def length(mm: float) -> str:
 
 def _seconds(value: float | None) -> str | None:
     return None if value is None else f"{value:g} s"
-
-
-def _limits(value: Any) -> str | None:
-    if value is None:
-        return None
-    return "those of mass and stature" if value == "body" else f"{value:g} Nm everywhere"
 
 
 def _strength(m: Mapping[str, Any]) -> str:
