@@ -36,6 +36,7 @@ const VIEWS = {
 };
 const BODY_HEIGHT = 1.9; // m, with some air above
 const FLOOR = 40; // m, radius
+const SAMPLES = 12; // moments of the motion at which figures are looked for
 const BEHIND = 0.04; // m, that ghosts are drawn behind their place, so that bodies cover them
 
 export async function createStage(canvas, { figures, onChange }) {
@@ -72,6 +73,7 @@ export async function createStage(canvas, { figures, onChange }) {
   const actors = [];
   for (const figure of figures) actors.push(await loadActor(figure));
   for (const actor of actors) scene.add(actor.group);
+  const duration = Math.max(...actors.map((actor) => actor.duration));
 
   const state = { time: 0, surface: "skin", ghost: true, follow: true, effort: true, focus: null };
   const center = new Vector3();
@@ -88,7 +90,7 @@ export async function createStage(canvas, { figures, onChange }) {
     const at = new Vector3();
     for (const actor of seen) box.expandByPoint(actor.hips.getWorldPosition(at));
     box.getCenter(into);
-    into.y = 0.5 * into.y + 0.4;
+    into.y = 0.5 * into.y + 0.34;
     return { into, width: box.max.x - box.min.x, depth: box.max.z - box.min.z };
   }
 
@@ -123,14 +125,28 @@ export async function createStage(canvas, { figures, onChange }) {
     render();
   }
 
+  // The most room that the figures in view ever take, seen from above.
+  function room() {
+    const most = { width: 0, depth: 0 };
+    for (let i = 0; i <= SAMPLES; i++) {
+      for (const actor of actors) actor.pose((i / SAMPLES) * duration);
+      const { width, depth } = middle(center);
+      most.width = Math.max(most.width, width);
+      most.depth = Math.max(most.depth, depth);
+    }
+    place();
+    return most;
+  }
+
   // Stand back as far as all figures in view need.
   function look(view) {
-    const { width, depth } = middle(center);
+    const { width, depth } = room();
+    middle(center);
     const direction = VIEWS[view].clone().normalize();
-    const across = Math.abs(direction.z) * width + Math.abs(direction.x) * depth + 1.7;
+    const across = Math.abs(direction.z) * width + Math.abs(direction.x) * depth + 1.4;
     const toward = Math.abs(direction.x) * width + Math.abs(direction.z) * depth;
     const half = Math.tan((camera.fov * Math.PI) / 360);
-    const distance = Math.max((1.2 * BODY_HEIGHT) / (2 * half), across / (2 * half * camera.aspect));
+    const distance = Math.max((1.34 * BODY_HEIGHT) / (2 * half), across / (2 * half * camera.aspect));
     controls.target.copy(center);
     camera.position.copy(center).addScaledVector(direction, distance + toward / 2);
     controls.update();
@@ -216,6 +232,7 @@ async function loadActor({ glb, shift, colour }) {
   return {
     group,
     hips: byName.pelvis,
+    duration: clip.duration,
     pose(time) {
       action.time = Math.min(time, clip.duration * (1 - 1e-6));
       mixer.update(0);

@@ -29,7 +29,7 @@ from physique.view.words import Row, limits, lost_at, rows, settings, verdict
 
 log = logging.getLogger(__name__)
 
-#: Frames of a run that a report shows; longer runs are shown at every second frame, every third...
+#: Steps of a run that a report shows; longer runs are shown at every second frame, every third...
 MOST_FRAMES = 1500
 #: What mail systems take without complaint, for each run.
 MOST_BYTES = 3_000_000
@@ -115,7 +115,7 @@ def report_html(runs: Sequence[Run]) -> str:
 
 
 def frames_shown(frames: int) -> NDArray[np.intp]:
-    """The frames, of so many, that a report shows: at most `MOST_FRAMES` and the last."""
+    """The frames, of so many, that a report shows: at most `MOST_FRAMES` and one."""
     return np.unique(np.append(np.arange(0, frames, _stride(frames)), frames - 1))
 
 
@@ -126,7 +126,7 @@ def json_for_script(value: Any) -> str:
 
 
 def _stride(frames: int) -> int:
-    return -(-frames // MOST_FRAMES)
+    return max(1, -(-(frames - 1) // MOST_FRAMES))
 
 
 def _static(name: str) -> str:
@@ -173,9 +173,8 @@ def _listed(words: Sequence[str]) -> str:
 
 
 def _title(runs: Sequence[Run]) -> str:
-    if len(clips := _clips(runs)) == 1:
-        return f"{clips[0]} on {_listed([run.body.name for run in runs])}"
-    return _listed([run.name for run in runs])
+    bodies = list(dict.fromkeys(run.body.name for run in runs))
+    return f"{_listed(_clips(runs))} on {_listed(bodies)}"
 
 
 def _lede(runs: Sequence[Run]) -> str:

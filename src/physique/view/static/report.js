@@ -139,13 +139,13 @@
     );
   }
 
-  // What makes the present part hard, for each run.
+  // What makes the present part hard: for two runs side by side, of more for the one chosen.
   function why(time = state.time) {
-    const told = runs.map((run) => {
+    const told = (runs.length > 2 ? [runs[state.run]] : runs).map((run) => {
       const part = run.windows.find(({ end }) => time < end) ?? run.windows.at(-1);
       return part && { run, part };
     });
-    const key = told.map((one) => one?.part.start).join();
+    const key = told.map((one) => one && `${one.run.short} ${one.part.start}`).join();
     if (why.shown === key) return;
     why.shown = key;
     const blocks = told.filter(Boolean).map(({ run, part }) => {
@@ -285,6 +285,7 @@
     if (index !== null && index !== state.run) {
       state.run = index;
       detailCharts();
+      reserve();
     }
     stage?.set("focus", several ? index : null);
     document.querySelectorAll("[data-run]").forEach((button) => {
