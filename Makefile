@@ -9,7 +9,7 @@ WORKERS ?= 2
 ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
 
 .DEFAULT_GOAL := help
-.PHONY: help env demo test test-slow check format bench clean
+.PHONY: help env demo test test-slow check format bench bundle clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' Makefile | expand -t 20
@@ -37,6 +37,9 @@ format: $(STAMP) ## apply the formatter and the safe lint fixes
 
 bench: $(STAMP) ## measure speed and quality, into out/bench
 	$(ONE_THREAD) $(PY) benchmarks/run.py --out out/bench
+
+bundle: ## rebuild the 3-D viewer of reports from tools/web (needs Node.js)
+	cd tools/web && npm ci --ignore-scripts && npm run build
 
 clean: ## remove results and caches (not .venv)
 	rm -rf out dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from physique.simulation.strength import torque_limits
     from physique.tracking.reference import Reference, make_reference
     from physique.tracking.trajectory import Trajectory
+    from physique.view.report import write_report
 
 __version__ = version("physique")
 
@@ -49,6 +50,7 @@ __all__ = [
     "save_body",
     "start_state",
     "torque_limits",
+    "write_report",
 ]
 
 _HOME = {
@@ -68,6 +70,7 @@ _HOME = {
     "physique.tracking.reference": ("Reference", "make_reference"),
     "physique.simulation.start": ("start_state",),
     "physique.tracking.trajectory": ("Trajectory",),
+    "physique.view.report": ("write_report",),
 }
 
 

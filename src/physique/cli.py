@@ -185,6 +185,25 @@ class Export:
 
 
 @dataclass(frozen=True)
+class Report:
+    """Write runs as one HTML page to look at and to mail; it needs no network (docs/report.md).
+
+    Args:
+        runs: folders of runs; several stand side by side and are compared
+        out: the page
+    """
+
+    runs: Annotated[Positional[tuple[Path, ...]], arg(metavar="RUN [RUN ...]")]
+    out: Annotated[Path, arg(metavar="FILE.html")]
+
+    def run(self) -> None:
+        """Write it and say where it is."""
+        from physique.view.report import write_report
+
+        console.show_files([write_report(self.out, self.runs)])
+
+
+@dataclass(frozen=True)
 class Demo:
     """Retarget an embedded clip onto two ready bodies, with pictures.
 
@@ -206,13 +225,16 @@ class Demo:
         console.show_files(result.pictures)
 
 
-def parse(arguments: list[str] | None = None) -> Bodies | Clips | Body | Retarget | Export | Demo:
+Command = Bodies | Clips | Body | Retarget | Export | Report | Demo
+
+
+def parse(arguments: list[str] | None = None) -> Command:
     """The subcommand that the arguments ask for. Raises InputError for a fault in them."""
     said = io.StringIO()
     try:
         with contextlib.redirect_stderr(said):
             return tyro.cli(
-                Bodies | Clips | Body | Retarget | Export | Demo,
+                Command,
                 prog="physique",
                 description="Make a body shape perform a motion-capture clip under physics.",
                 args=arguments,

@@ -1,0 +1,256 @@
+"""GLB files: valid for Khronos, and skinned by a reader of its own they give the same vertices."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import shutil
+import struct
+import subprocess
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation, Slerp
+
+from physique import skeleton
+from physique.body.primitives import primitive_mesh
+from physique.errors import InputError
+from physique.export.bvh import R_FILE_FROM_WORLD
+from physique.export.gltf import glb_bytes, limit_weights, vertex_normals, write_glb
+from physique.export.layout import linear_rgb, side_by_side
+from physique.export.skin import joint_transforms, skin_vertices
+from physique.run import Run
+
+WEB = Path(__file__).parents[2] / "tools" / "web"
+TYPES = {5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
+SHAPES = {"SCALAR": (), "VEC3": (3,), "VEC4": (4,), "MAT4": (4, 4)}
+Array = NDArray[Any]
+
+
+class Reader:
+    """What a file says, by the text of the glTF specification."""
+
+    def __init__(self, data: bytes) -> None:
+        magic, version, total = struct.unpack_from("<4sII", data)
+        assert (magic, version, total) == (b"glTF", 2, len(data))
+        size, kind = struct.unpack_from("<I4s", data, 12)
+        assert kind == b"JSON"
+        self.json = json.loads(data[20 : 20 + size])
+        self.buffer = data[28 + size :]
+
+    def values(self, index: int) -> Array:
+        accessor = self.json["accessors"][index]
+        view = self.json["bufferViews"][accessor["bufferView"]]
+        kind, shape = TYPES[accessor["componentType"]], SHAPES[accessor["type"]]
+        count = accessor["count"] * int(np.prod(shape, initial=1))
+        flat = np.frombuffer(self.buffer, kind, count, view["byteOffset"])
+        values = flat.reshape(accessor["count"], *shape).astype(float)
+        if accessor.get("normalized"):
+            values /= np.iinfo(kind).max
+        return values.swapaxes(1, 2) if accessor["type"] == "MAT4" else values
+
+    def world(self, at: float) -> Array:
+        """(N, 4, 4) of all nodes at a time in s."""
+        nodes = self.json["nodes"]
+        local = np.tile(np.eye(4), (len(nodes), 1, 1))
+        for i, node in enumerate(nodes):
+            local[i, :3, 3] = node.get("translation", [0, 0, 0])
+        for channel in self.json["animations"][0]["channels"]:
+            sampler = self.json["animations"][0]["samplers"][channel["sampler"]]
+            times, output = self.values(sampler["input"]), self.values(sampler["output"])
+            t = np.clip(at, times[0], times[-1])
+            node = channel["target"]["node"]
+            if channel["target"]["path"] == "rotation":
+                turn = Slerp(times, Rotation.from_quat(output))(t)
+                local[node, :3, :3] = turn.as_matrix()
+            else:
+                local[node, :3, 3] = [np.interp(t, times, column) for column in output.T]
+        parent = {c: i for i, node in enumerate(nodes) for c in node.get("children", [])}
+
+        def of(i: int) -> Array:
+            return of(parent[i]) @ local[i] if i in parent else local[i]
+
+        return np.array([of(i) for i in range(len(nodes))])
+
+    def skinned(self, name: str, at: float) -> Array:
+        """World vertices (V, 3) of a skinned mesh, in physique's axes."""
+        node = next(n for n in self.json["nodes"] if n.get("name") == name)
+        skin = self.json["skins"][node["skin"]]
+        attributes = self.json["meshes"][node["mesh"]]["primitives"][0]["attributes"]
+        get = {key: self.values(index) for key, index in attributes.items()}
+        moves = self.world(at)[skin["joints"]] @ self.values(skin["inverseBindMatrices"])
+        blend = np.einsum(
+            "vk,vkij->vij", get["WEIGHTS_0"], moves[get["JOINTS_0"].astype(int)]
+        )  # fmt: skip
+        points = np.c_[get["POSITION"], np.ones(len(get["POSITION"]))]
+        return np.einsum("vij,vj->vi", blend, points)[:, :3] @ R_FILE_FROM_WORLD
+
+
+def family(run: Run) -> list[Run]:
+    heavy = dataclasses.replace(run.body, name="heavy")
+    return [run, dataclasses.replace(run, body=heavy)]
+
+
+def test_vertices_of_the_file_are_those_of_the_skin(made_run: Run) -> None:
+    assert made_run.mesh is not None
+    reader = Reader(glb_bytes([made_run], source=True))
+    few = (made_run.mesh.weights > 0).sum(axis=1) <= 4
+    for name, q in (
+        (f"{made_run.name}, skin", made_run.trajectory.q),
+        (f"{made_run.name}, source, skin", made_run.trajectory.reference_q),
+    ):
+        for frame in (0, 23, 50):
+            found = reader.skinned(name, frame * 0.01)
+            wanted = skin_vertices(made_run.mesh, q[frame : frame + 1])[0]
+            error = np.linalg.norm(found - wanted, axis=1)
+            assert error[few].max() < 1e-4
+            # 3 % of the vertices, at armpits and groin, follow five joints or more.
+            assert np.sqrt(np.mean(error**2)) < 1e-3
+            assert error.max() < 2e-2
+
+
+def test_capsules_follow_their_joints(made_run: Run) -> None:
+    reader = Reader(glb_bytes([made_run], surface="capsules"))
+    assert "skins" not in reader.json
+    assert made_run.mesh is not None
+    world = reader.world(0.2)
+    placed = joint_transforms(made_run.mesh, made_run.trajectory.q[20:21])[0]
+    for joint, part, rest, place in zip(
+        skeleton.JOINTS, made_run.body.parts, made_run.body.joints, placed, strict=True
+    ):
+        found = next(
+            i for i, n in enumerate(reader.json["nodes"]) if n["name"] == f"capsule {joint}"
+        )
+        mesh = reader.json["meshes"][reader.json["nodes"][found]["mesh"]]
+        local = reader.values(mesh["primitives"][0]["attributes"]["POSITION"])
+        points = (local @ world[found, :3, :3].T + world[found, :3, 3]) @ R_FILE_FROM_WORLD
+        vertices, _ = primitive_mesh(part, 0.035)
+        wanted = (vertices - rest) @ place[:, :3].T + place[:, 3]
+        assert np.abs(points - wanted).max() < 1e-4
+
+
+def test_several_runs_stand_beside_each_other(made_run: Run) -> None:
+    runs = family(made_run)
+    reader = Reader(glb_bytes(runs))
+    shifts = side_by_side(runs)
+    spans = []
+    for run, shift in zip(runs, shifts, strict=True):
+        found = reader.skinned(f"{run.name}, skin", 0.3)
+        assert run.mesh is not None
+        wanted = skin_vertices(run.mesh, run.trajectory.q[30:31])[0] + shift
+        assert np.median(np.linalg.norm(found - wanted, axis=1)) < 1e-5
+        spans.append((found[:, 1].min(), found[:, 1].max()))
+    assert spans[0][1] < spans[1][0]
+    assert side_by_side(runs[:1]).tolist() == [[0, 0, 0]]
+
+
+def test_compact_files_of_fewer_frames_show_the_same_motion(made_run: Run) -> None:
+    whole, small = glb_bytes([made_run]), glb_bytes([made_run], compact=True, keep_every=4)
+    assert len(small) < len(whole)
+    name = f"{made_run.name}, skin"
+    for at in (0.0, 0.24, 0.5):  # the last frame is kept, though 50 is not divisible by 4
+        error = Reader(whole).skinned(name, at) - Reader(small).skinned(name, at)
+        assert np.abs(error).max() < 3e-4
+
+
+def test_a_body_without_skin_is_refused_unless_capsules_are_asked_for(
+    made_run: Run, tmp_path: Path
+) -> None:
+    bare = dataclasses.replace(made_run, mesh=None)
+    with pytest.raises(InputError, match="without a skin"):
+        write_glb(tmp_path / "a.glb", [bare])
+    assert list(tmp_path.iterdir()) == []
+    assert write_glb(tmp_path / "a.glb", [bare], capsules=True).stat().st_size > 1000
+    with pytest.raises(InputError, match="no run"):
+        glb_bytes([])
+
+
+def test_ten_seconds_take_less_than_three(made_run: Run, tmp_path: Path) -> None:
+    motion = made_run.trajectory
+    frames = 1001
+    index = np.abs((np.arange(frames) + 50) % 100 - 50)  # there and back
+    long = dataclasses.replace(
+        motion,
+        times=np.arange(frames) * 0.01,
+        q=motion.q[index],
+        reference_q=motion.reference_q[index],
+    )
+    begin = time.perf_counter()
+    write_glb(tmp_path / "a.glb", [dataclasses.replace(made_run, trajectory=long)], source=True)
+    assert time.perf_counter() - begin < 3.0
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 22))
+def test_weights_are_the_four_largest_and_sum_to_one(seed: int, count: int) -> None:
+    random = np.random.default_rng(seed)
+    weights = (
+        random.dirichlet(np.full(count, 0.3), size=20) @ np.eye(22)[random.permutation(22)][:count]
+    )
+    joints, stored = limit_weights(weights)
+    assert (stored.sum(axis=1, dtype=int) == 65535).all()
+    assert (joints[stored == 0] == 0).all()
+    kept = -np.sort(-weights, axis=1)[:, :4]
+    wanted = kept / kept.sum(axis=1, keepdims=True)
+    assert np.abs(stored / 65535 - wanted).max() < 2 / 65535
+    taken = np.take_along_axis(weights, joints.astype(int), axis=1)
+    assert np.abs(np.where(stored > 0, taken - kept, 0)).max() < 1e-12
+
+
+def test_normals_of_a_ball_point_outward(made_run: Run) -> None:
+    ball = dataclasses.replace(
+        made_run.body.parts[20], shape="ellipsoid", size=np.full(3, 0.1), center=np.zeros(3)
+    )
+    vertices, faces = primitive_mesh(ball, 0.01)
+    assert np.abs(vertex_normals(vertices, faces) - vertices / 0.1).max() < 0.02
+
+
+def test_colours_are_linear_in_the_file() -> None:
+    assert linear_rgb("#ff8000") == pytest.approx([1.0, 0.2158605, 0.0], abs=1e-6)
+
+
+def test_another_reader_finds_the_body_upright_and_in_metres(made_run: Run, tmp_path: Path) -> None:
+    trimesh = pytest.importorskip("trimesh")
+    scene = trimesh.load_scene(write_glb(tmp_path / "a.glb", [made_run], source=True))
+    assert made_run.mesh is not None
+    assert len(scene.geometry) == 2
+    for mesh in scene.geometry.values():
+        assert len(mesh.faces) == len(made_run.mesh.faces)
+        assert mesh.volume == pytest.approx(
+            trimesh.Trimesh(made_run.mesh.vertices, made_run.mesh.faces, process=False).volume,
+            rel=1e-4,
+        )
+        assert mesh.bounds[:, 1] == pytest.approx([0, made_run.body.height], abs=0.01)
+        assert np.ptp(mesh.bounds[:, 0]) > 1.4  # the arms stretch out sideways
+
+
+def test_the_khronos_validator_finds_nothing(made_run: Run, tmp_path: Path) -> None:
+    if shutil.which("node") is None:
+        pytest.skip("needs Node.js")
+    if not (WEB / "node_modules" / "gltf-validator").is_dir():
+        pytest.skip("needs the gltf-validator package: npm ci in tools/web")
+    runs = family(made_run)
+    files = [
+        write_glb(tmp_path / "one.glb", runs[:1]),
+        write_glb(tmp_path / "all.glb", runs, source=True),
+        write_glb(tmp_path / "capsules.glb", runs, source=True, capsules=True),
+    ]
+    small = tmp_path / "small.glb"
+    small.write_bytes(glb_bytes(runs, source=True, surface="both", keep_every=3, compact=True))
+    done = subprocess.run(
+        ["node", WEB / "validate_gltf.mjs", *files, small],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    reports = json.loads(done.stdout)
+    assert len(reports) == 4
+    for report in reports:
+        issues = report["issues"]
+        assert [issues[f"num{k}"] for k in ("Errors", "Warnings", "Infos", "Hints")] == [0] * 4
+    assert reports[1]["info"]["totalVertexCount"] == 4 * len(made_run.mesh.vertices)  # type: ignore[union-attr]
