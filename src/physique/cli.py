@@ -167,13 +167,35 @@ class Demo:
         console.show_files(result.pictures)
 
 
-def parse(arguments: list[str] | None = None) -> Bodies | Clips | Body | Retarget | Demo:
+@dataclass(frozen=True)
+class View:
+    """Serve a page that plays runs side by side, and lets you push the bodies.
+
+    Args:
+        runs: folders of runs
+        port: to serve on; 0 takes a free one
+        host: to serve on; anything but 127.0.0.1 opens the page to others
+    """
+
+    runs: Annotated[Positional[tuple[Path, ...]], arg(metavar="RUN [RUN ...]")]
+    port: Annotated[int, arg(metavar="PORT")] = 8080
+    host: Annotated[str, arg(metavar="ADDRESS")] = "127.0.0.1"
+
+    def run(self) -> None:
+        """Serve until Ctrl-C."""
+        from physique.view.live import view
+
+        with contextlib.suppress(KeyboardInterrupt):
+            view(self.runs, host=self.host, port=self.port, told=console.say)
+
+
+def parse(arguments: list[str] | None = None) -> Bodies | Clips | Body | Retarget | Demo | View:
     """The subcommand that the arguments ask for. Raises InputError for a fault in them."""
     said = io.StringIO()
     try:
         with contextlib.redirect_stderr(said):
             return tyro.cli(
-                Bodies | Clips | Body | Retarget | Demo,
+                Bodies | Clips | Body | Retarget | Demo | View,
                 prog="physique",
                 description="Make a body shape perform a motion-capture clip under physics.",
                 args=arguments,

@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from physique import skeleton
+from physique import rotations, skeleton
+from physique.export.skin import joint_transforms
 from physique.simulation import kinematics
 from physique.simulation.character import Character
 from physique.simulation.rollout import simulate
@@ -56,7 +57,7 @@ def test_without_a_push_it_is_the_roll_out(character: Character, walk: Reference
         assert np.array_equal(session.q, expected.q[t])
         assert np.array_equal(session.v, expected.v[t])
         # Questions in between change nothing.
-        _ = session.joints, session.cast(np.array([3.0, 0.0, 1.0]), np.array([-1.0, 0.0, 0.0]))
+        _ = session.poses, session.cast(np.array([3.0, 0.0, 1.0]), np.array([-1.0, 0.0, 0.0]))
         session.step(control[t])
         assert np.array_equal(session.torque, expected.torque[t])
     assert np.array_equal(session.q, expected.q[-1])
@@ -191,6 +192,17 @@ def test_the_floor_carries_a_standing_body(character: Character, walk: Reference
     assert np.mean(up[20:]) == pytest.approx(9.81 * character.mass, rel=0.03)
     assert feet.min(axis=0)[2] > 0
     assert pressure[0, 1] > pressure[1, 1]
+
+
+def test_its_poses_are_those_of_the_joints(character: Character, walk: Reference) -> None:
+    q, v, targets = state(walk)
+    session = Session(character, q, v)
+    session.step(targets)
+    poses = session.poses
+    assert np.allclose(poses[:, :3], kinematics.joint_positions(character, session.q[None])[0])
+    expected = joint_transforms(character.body, session.q[None])[0]
+    assert np.allclose(poses[:, :3], expected[..., 3], atol=1e-5)
+    assert np.allclose(rotations.to_matrix(poses[:, 3:]), expected[..., :3], atol=1e-9)
 
 
 def test_a_simulation_that_blows_up_says_so(character: Character, walk: Reference) -> None:

@@ -118,7 +118,8 @@ def _capsule(radius: float, half: float) -> tuple[Array, NDArray[np.int64]]:
 
 def _box(half: Array) -> tuple[Array, NDArray[np.int64]]:
     """A box with vertices of its own for each side, so that its edges stay sharp."""
-    v, f = [], []
+    v: list[Array] = []
+    f: list[NDArray[np.int64]] = []
     for axis in range(3):
         for sign in (1.0, -1.0):
             a, b = (axis + 1) % 3, (axis + 2) % 3

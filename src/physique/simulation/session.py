@@ -90,9 +90,10 @@ class Session:
         return self._contacts.read(self._data)
 
     @property
-    def joints(self) -> Array:
-        """World positions (22, 3), m, of the joints."""
-        return np.array(self._pose().xpos[self.character.joint_bodies])
+    def poses(self) -> Array:
+        """World position (m) and orientation (wxyz) of the 22 joints: (22, 7)."""
+        data, bodies = self._pose(), self.character.joint_bodies
+        return np.concatenate([data.xpos[bodies], data.xquat[bodies]], axis=1)
 
     def push(self, push: Push) -> None:
         """Push from the next step on. Pushes add up."""
