@@ -34,9 +34,9 @@ class Page:
     def __init__(self, server: Any, show: Show) -> None:
         self._server, self.show = server, show
         self._posted: SimpleQueue[Callable[[], None]] = SimpleQueue()
-        self._stage = Stage(server, [act.run for act in show.acts])
+        self.stage = Stage(server, [act.run for act in show.acts])
         self.panel = Panel(server.gui, show, self.post)
-        self._stage.on_push(
+        self.stage.on_push(
             lambda *a: self.post(lambda: self._click(*a)),
             lambda *a: self.post(lambda: self._grab(*a)),
             lambda *a: self.post(lambda: self._release(*a)),
@@ -77,7 +77,7 @@ class Page:
         show, panel = self.show, self.panel
         with self._server.atomic():
             roots = []
-            for i, (act, lane) in enumerate(zip(show.acts, self._stage.lanes)):
+            for i, (act, lane) in enumerate(zip(show.acts, self.stage.lanes)):
                 poses, frame = show.poses(act), show.frame_of(act)
                 roots.append(poses[0, :3])
                 ghost = None if panel.ghost == HIDDEN else act.wanted[frame]
@@ -89,14 +89,14 @@ class Page:
                 else:
                     lane.show_floor(None, None)
                 self._draw_push(i)
-            self._stage.follow(roots if panel.follow else None, ease)
+            self.stage.follow(roots if panel.follow else None, ease)
             plots = self._clock >= self._plots_due
             if plots:
                 self._plots_due = self._clock + PLOTS_EVERY
             panel.tell(plots)
 
     def _draw_push(self, index: int) -> None:
-        lane = self._stage.lanes[index]
+        lane = self.stage.lanes[index]
         hit, impulse, until = self._arrows.get(index, (None, None, 0.0))
         if hit is None or impulse is None or self._clock > until:
             lane.show_push(None, None)
@@ -105,8 +105,8 @@ class Page:
         lane.show_push(session.world_point(hit.part, hit.point), impulse)
 
     def _hit(self, index: int, origin: Array, direction: Array) -> Hit | None:
-        lane = self._stage.lanes[index]
-        return self.show.hit(index, self._stage.to_lane(lane, origin), direction)
+        lane = self.stage.lanes[index]
+        return self.show.hit(index, self.stage.to_lane(lane, origin), direction)
 
     def _click(self, index: int, origin: Array, direction: Array) -> None:
         hit = self._hit(index, origin, direction)

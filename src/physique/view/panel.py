@@ -29,8 +29,9 @@ class Panel:
     def __init__(self, gui: Any, show: Show, post: Callable[[Callable[[], None]], None]) -> None:
         self._show, self._post = show, post
         self._names = [act.run.name for act in show.acts]
-        gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
+        gui.configure_theme(control_width="medium", show_logo=False, show_share_button=False)
         gui.set_panel_label("physique")
+        gui.main_panel.dock_right()
         self._said = ""
         self._status = gui.add_html("")
         self._playback(gui)

@@ -148,6 +148,7 @@ class Stage:
         scene = server.scene
         # The default lights do; an environment map costs graphics without a GPU most of their time.
         scene.configure_environment_map(None)
+        scene.add_light_hemisphere("/sky", (255, 255, 255), (190, 180, 170), intensity=1.6)
         self._frame = scene.add_frame("/stage", show_axes=False)
         scene.add_grid("/stage/floor", infinite_grid=True, fade_distance=25.0, cell_size=0.5,
                        section_size=1.0, plane_color=(250, 250, 250), plane_opacity=1.0,
@@ -174,6 +175,10 @@ class Stage:
     def to_lane(self, lane: Lane, point: Array) -> Array:
         """A point (3,) of the page's world in the world of a lane's run."""
         return point - self._shift - lane.offset
+
+    def to_page(self, lane: Lane, point: Array) -> Array:
+        """A point (3,) of the world of a lane's run in the page's world."""
+        return point + self._shift + lane.offset
 
     def on_push(
         self,
