@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -14,9 +15,10 @@ from physique.view.show import Show
 from physique.view.stage import COLOURS, Look
 
 SPEEDS = {"1/10": 0.1, "1/4": 0.25, "1/2": 0.5, "1": 1.0, "2": 2.0}
-RECORDED, LIVE = "recorded", "live"
+RECORDED, LIVE = "what was recorded", "a live simulation"
 OVER, BESIDE, HIDDEN = "over the body", "beside it", "hidden"
 MOST_LOADED = "the most loaded joint"
+HANDS_OFF = 0.5  # s
 STRENGTH, STRONGEST = 20.0, 200.0  # Ns
 
 
@@ -32,7 +34,7 @@ class Panel:
         gui.configure_theme(control_width="medium", show_logo=False, show_share_button=False)
         gui.set_panel_label("physique")
         gui.main_panel.dock_right()
-        self._said = ""
+        self._said, self._hands_off = "", 0.0
         self._status = gui.add_html("")
         self._playback(gui)
         self._pushes(gui)
@@ -73,15 +75,15 @@ class Panel:
     def _playback(self, gui: Any) -> None:
         show, post = self._show, self._post
         with gui.add_folder("Playback"):
-            self._mode = gui.add_button_group("Show", (RECORDED, LIVE))
-            self._play = gui.add_button("Pause", hint="Play or pause")
+            self._mode = gui.add_dropdown("Show", (RECORDED, LIVE))
+            self._play = gui.add_button("Pause")
             self._restart = gui.add_button("Restart")
             self._time = gui.add_slider(
                 "Time, s", 0.0, max(show.timeline.duration, show.timestep), show.timestep, 0.0
             )
             self._speed = gui.add_dropdown("Speed", tuple(SPEEDS), initial_value="1")
             self._follow = gui.add_checkbox("Camera follows", True)
-        self._mode.on_click(lambda e: post(lambda: show.go_live(e.target.value == LIVE)))
+        self._mode.on_update(lambda e: post(lambda: show.go_live(e.target.value == LIVE)))
         self._play.on_click(lambda _: post(self._toggle))
         self._restart.on_click(lambda _: post(lambda: show.seek(0.0)))
         self._time.on_update(self._scrub)
@@ -107,7 +109,6 @@ class Panel:
                 "Push all bodies alike", False, visible=len(show.acts) > 1
             )
             self._again = gui.add_checkbox("Begin anew at the end", True)
-            self._score = gui.add_html("")
             forget = gui.add_button("Set counters to zero")
         for i, choice in enumerate(self._controllers):
             choice.on_update(lambda e, i=i: post(lambda: show.choose(i, e.target.value)))
@@ -164,6 +165,8 @@ class Panel:
         if event.client is None:
             return
 
+        self._hands_off = time.monotonic() + HANDS_OFF
+
         def seek() -> None:
             self._show.timeline.playing = False
             self._show.seek(float(event.target.value))
@@ -182,13 +185,13 @@ class Panel:
         label = "Pause" if show.timeline.playing else "Play"
         if self._play.label != label:
             self._play.label = label
-        time = round(show.timeline.time, 2)
-        if show.timeline.playing and self._time.value != time:
-            self._time.value = time
-        status, score = self._status_html(), self._score_html()
-        if (status + score) != self._said:
-            self._said = status + score
-            self._status.content, self._score.content = status, score
+        at = round(show.timeline.time, 2)
+        # Who drags the slider must not be pulled back to where it was a moment ago.
+        if self._time.value != at and time.monotonic() > self._hands_off:
+            self._time.value = at
+        said = _box(self._status_html() + self._score_html())
+        if said != self._said:
+            self._said = self._status.content = said
         if plots:
             self._tell_plots()
 
@@ -207,7 +210,7 @@ class Panel:
             lines.append(f"{dot} {i + 1}: {html.escape(self._names[i])}, {state}")
         what = "simulated now" if show.live else "as recorded"
         lines.append(f"{show.timeline.time:.2f} of {show.timeline.duration:.2f} s, {what}")
-        return _box("<br>".join(lines))
+        return "<br>".join(lines)
 
     def _score_html(self) -> str:
         cells = "<th align=left>{}</th>" + "<th align=right>{}</th>" * 3
@@ -219,7 +222,7 @@ class Panel:
             + "</tr>"
             for i, name, s in self._show.score_rows()
         ]
-        return _box(f'<table width="100%"><tr>{head}</tr>{"".join(rows)}</table>')
+        return f'<table width="100%"><tr>{head}</tr>{"".join(rows)}</table>'
 
     def _tell_plots(self) -> None:
         show = self._show

@@ -148,7 +148,8 @@ class Stage:
         scene = server.scene
         # The default lights do; an environment map costs graphics without a GPU most of their time.
         scene.configure_environment_map(None)
-        scene.add_light_hemisphere("/sky", (255, 255, 255), (190, 180, 170), intensity=1.6)
+        scene.add_light_hemisphere("/sky", sky_color=(255, 255, 255), ground_color=(190, 180, 170),
+                                   intensity=1.6)  # fmt: skip
         self._frame = scene.add_frame("/stage", show_axes=False)
         scene.add_grid("/stage/floor", infinite_grid=True, fade_distance=25.0, cell_size=0.5,
                        section_size=1.0, plane_color=(250, 250, 250), plane_opacity=1.0,
@@ -156,7 +157,7 @@ class Stage:
         self.lanes = [Lane(scene, run, i, len(runs)) for i, run in enumerate(runs)]
         width = LANE * (len(runs) - 1)
         camera = server.initial_camera
-        camera.position = (3.2 + 0.6 * width, 2.0 + 0.3 * width, 1.7)
+        camera.position = (2.4 + 0.6 * width, 1.5 + 0.3 * width, 1.5)
         camera.look_at = (0.0, 0.0, 0.9)
         self._shift = np.zeros(3)
 
