@@ -53,9 +53,9 @@ def served(standing: Run, balance: Balance) -> Iterator[tuple[Any, Page]]:
     """A page of one standing body, which a regulator balances, on a thread of its own."""
     show = Show([standing], [{"replay": Replay(standing.trajectory), "balance": balance}])
     with serving("127.0.0.1", 0) as server:
-        # Shadows take most of the time of drawing in software.
-        server.scene.configure_default_lights(cast_shadow=False)
         page, stop = Page(server, show), threading.Event()
+        # Shadows take most of the time of drawing in software.
+        page.stage.shade(False)
         thread = threading.Thread(target=page.run, args=(stop,))
         thread.start()
         yield server, page
@@ -120,6 +120,7 @@ def test_people_play_and_push_a_body_and_see_it_recover(
     tab.screenshot(path=str(OUT / "live_paused.png"))
 
     page.post(lambda: setattr(show, "restarts", False))
+    page.post(lambda: setattr(show.timeline, "speed", 0.1))
     x, y = on_screen(server, tab, chest(page))
     tab.mouse.click(x, y)
     until(lambda: show.acts[0].trial.score.pushes == 1, "the push to arrive")
@@ -129,11 +130,25 @@ def test_people_play_and_push_a_body_and_see_it_recover(
     assert not trial.fallen
     tab.get_by_text("simulated now").wait_for(timeout=1e3 * PATIENCE)
     tab.screenshot(path=str(OUT / "live_pushed.png"))
+    page.post(lambda: setattr(show.timeline, "speed", 1.0))
     until(lambda: trial.score.survived == 1, "the body to recover")
     assert np.nanmax(trial.curves.error) >= worst
     cells = tab.locator("tr", has_text="balance").locator("td")
     until(lambda: cells.all_inner_texts()[1:] == ["1", "1", "0"], "the counter to move")
     tab.screenshot(path=str(OUT / "live_survived.png"))
+
+    # A drag pushes where it goes: to the right of the picture.
+    page.post(lambda: show.seek(0.0))
+    page.post(lambda: setattr(show.timeline, "speed", 0.1))
+    x, y = on_screen(server, tab, chest(page))
+    tab.mouse.move(x, y)
+    tab.mouse.down()
+    tab.mouse.move(x + 60.0, y, steps=4)
+    tab.mouse.up()
+    until(lambda: trial.score.pushes == 2, "the drag to arrive")
+    until(lambda: trial.session.v[1] > 0.02, "the body to go where it was dragged")
+    tab.screenshot(path=str(OUT / "live_dragged.png"))
+    page.post(lambda: setattr(show.timeline, "speed", 1.0))
     # Nothing is fetched from anywhere else: the page works without internet.
     assert [u for u in asked if not u.startswith((url, "data:", "blob:"))] == []
     assert errors == []

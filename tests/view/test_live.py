@@ -197,7 +197,7 @@ def test_controls_reach_the_show(page: Page) -> None:
 
     panel._mode.value = "a live simulation"
     settle(lambda: show.live)
-    panel._mode.value = "what was recorded"
+    panel._mode.value = "the recording"
     settle(lambda: not show.live)
     panel._speed.value = "1/4"
     settle(lambda: show.timeline.speed == 0.25)

@@ -35,7 +35,7 @@ class Page:
         self._server, self.show = server, show
         self._posted: SimpleQueue[Callable[[], None]] = SimpleQueue()
         self.stage = Stage(server, [act.run for act in show.acts])
-        self.panel = Panel(server.gui, show, self.post)
+        self.panel = Panel(server.gui, show, self.post, self.stage.shade)
         self.stage.on_push(
             lambda *a: self.post(lambda: self._click(*a)),
             lambda *a: self.post(lambda: self._grab(*a)),
@@ -44,7 +44,7 @@ class Page:
         self._held: dict[int, Hit] = {}  # what is dragged, by lane
         self._arrows: dict[int, tuple[Hit, Array, float]] = {}  # by lane, with the time it goes
         self._plots_due = 0.0
-        self._clock = 0.0
+        self._clock = self._arrow_clock = 0.0  # s that went by; slow motion slows the second
         self.draw(ease=1.0)
 
     def post(self, action: Callable[[], None]) -> None:
@@ -69,6 +69,7 @@ class Page:
                 break
             action()
         self._clock += seconds
+        self._arrow_clock += seconds * self.show.timeline.speed
         self.show.advance(seconds)
         self.draw()
 
@@ -98,7 +99,7 @@ class Page:
     def _draw_push(self, index: int) -> None:
         lane = self.stage.lanes[index]
         hit, impulse, until = self._arrows.get(index, (None, None, 0.0))
-        if hit is None or impulse is None or self._clock > until:
+        if hit is None or impulse is None or self._arrow_clock > until:
             lane.show_push(None, None)
             return
         session = self.show.acts[index].trial.session
@@ -126,4 +127,4 @@ class Page:
     def _push(self, index: int, hit: Hit, direction: Array) -> None:
         impulse = self.panel.strength * direction / np.linalg.norm(direction)
         for i in self.show.push(index, hit, impulse, self.panel.all_alike):
-            self._arrows[i] = (hit, impulse, self._clock + ARROW_SECONDS)
+            self._arrows[i] = (hit, impulse, self._arrow_clock + ARROW_SECONDS)

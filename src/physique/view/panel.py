@@ -15,7 +15,7 @@ from physique.view.show import Show
 from physique.view.stage import COLOURS, Look
 
 SPEEDS = {"1/10": 0.1, "1/4": 0.25, "1/2": 0.5, "1": 1.0, "2": 2.0}
-RECORDED, LIVE = "what was recorded", "a live simulation"
+RECORDED, LIVE = "the recording", "a live simulation"
 OVER, BESIDE, HIDDEN = "over the body", "beside it", "hidden"
 MOST_LOADED = "the most loaded joint"
 HANDS_OFF = 0.5  # s
@@ -25,10 +25,17 @@ STRENGTH, STRONGEST = 20.0, 200.0  # Ns
 class Panel:
     """What people set, and what they are told.
 
-    Everything that changes the show is handed to `post`, which runs it on the page's own thread.
+    Everything that changes the show is handed to `post`, which runs it on the page's own thread;
+    `shade` switches shadows.
     """
 
-    def __init__(self, gui: Any, show: Show, post: Callable[[Callable[[], None]], None]) -> None:
+    def __init__(
+        self,
+        gui: Any,
+        show: Show,
+        post: Callable[[Callable[[], None]], None],
+        shade: Callable[[bool], None],
+    ) -> None:
         self._show, self._post = show, post
         self._names = [act.run.name for act in show.acts]
         gui.configure_theme(control_width="medium", show_logo=False, show_share_button=False)
@@ -38,7 +45,7 @@ class Panel:
         self._status = gui.add_html("")
         self._playback(gui)
         self._pushes(gui)
-        self._looks(gui)
+        self._looks(gui, shade)
         with gui.add_folder("Plots"):
             self._plots(gui)
 
@@ -115,7 +122,7 @@ class Panel:
         self._again.on_update(lambda e: post(lambda: setattr(show, "restarts", e.target.value)))
         forget.on_click(lambda _: post(show.forget))
 
-    def _looks(self, gui: Any) -> None:
+    def _looks(self, gui: Any, shade: Callable[[bool], None]) -> None:
         skinned = any(act.run.mesh is not None for act in self._show.acts)
         with gui.add_folder("Look"):
             self._look = gui.add_dropdown(
@@ -123,6 +130,9 @@ class Panel:
             )
             self._ghost = gui.add_dropdown("Source motion", (OVER, BESIDE, HIDDEN))
             self._arrows = gui.add_checkbox("Floor forces", False)
+            # Drawn without a GPU they cost more than all the rest.
+            shadows = gui.add_checkbox("Shadows", True)
+        shadows.on_update(lambda e: shade(e.target.value))
 
     def _plots(self, gui: Any) -> None:
         show = self._show

@@ -150,6 +150,7 @@ class Stage:
         scene.configure_environment_map(None)
         scene.add_light_hemisphere("/sky", sky_color=(255, 255, 255), ground_color=(190, 180, 170),
                                    intensity=1.6)  # fmt: skip
+        self._scene = scene
         self._frame = scene.add_frame("/stage", show_axes=False)
         scene.add_grid("/stage/floor", infinite_grid=True, fade_distance=25.0, cell_size=0.5,
                        section_size=1.0, plane_color=(250, 250, 250), plane_opacity=1.0,
@@ -160,6 +161,10 @@ class Stage:
         camera.position = (2.4 + 0.6 * width, 1.5 + 0.3 * width, 1.5)
         camera.look_at = (0.0, 0.0, 0.9)
         self._shift = np.zeros(3)
+
+    def shade(self, shadows: bool) -> None:
+        """Switch shadows."""
+        self._scene.configure_default_lights(cast_shadow=shadows)
 
     def follow(self, roots: list[Array] | None, ease: float = 1.0) -> None:
         """Bring the middle of the roots (3,), each in its lane's world, over the origin.
