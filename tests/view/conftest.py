@@ -116,9 +116,9 @@ class Balance:
     def reset(self, frame: int) -> None:
         self._replay.reset(frame)
 
-    def targets(self, q: Array, v: Array) -> Array:
+    def act(self, q: Array, v: Array) -> Array:
         at = min(self.frame, self._last)
-        self._replay.targets(q, v)
+        self._replay.act(q, v)
         return self._law(at, q, v)
 
 

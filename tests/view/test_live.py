@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import signal
 import socket
 import subprocess
@@ -17,7 +18,7 @@ import numpy as np
 import pytest
 
 from physique import extras
-from physique.cli import main
+from physique.cli import main, parse
 from physique.errors import InputError
 from physique.run import Run
 from physique.view.controllers import Replay
@@ -36,6 +37,14 @@ def refusal(capfd: pytest.CaptureFixture[str], *arguments: object) -> str:
     assert printed.out == ""
     assert printed.err.count("\n") == 1
     return printed.err
+
+
+def test_the_commands_of_its_page_are_commands() -> None:
+    text = (Path(__file__).resolve().parents[2] / "docs" / "view.md").read_text(encoding="utf-8")
+    commands = [line for line in text.splitlines() if line.startswith("physique view")]
+    assert commands
+    for command in commands:
+        parse(shlex.split(command, comments=True)[1:])
 
 
 def test_a_port_in_use_gives_one_line(capfd: pytest.CaptureFixture[str], folder: Path) -> None:
@@ -218,6 +227,10 @@ def test_what_the_panel_tells(page: Page) -> None:
     said = page.panel._status.content
     assert "simulated now" in said
     assert "1: replay</td><td align=right>1</td><td align=right>0</td>" in said
+    assert "not judged" not in said
+    page.post(lambda: page.show.seek(0.0))
+    page.tick(0.0)
+    assert "1 not judged" in page.panel._status.content
     times, *curves, line = page.panel._errors._handle.data
     assert len(times) == len(line) == len(curves[0])
     assert np.isfinite(line).sum() == 2

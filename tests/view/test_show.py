@@ -144,14 +144,26 @@ def test_a_push_wakes_a_recording_that_is_paused(standing: Run) -> None:
     assert show.acts[0].trial.frame == 50
 
 
+def test_a_push_at_the_end_begins_anew(standing: Run) -> None:
+    show = make(standing)
+    act = live(show)
+    play(show, show.timeline.duration + 0.2)
+    assert act.trial.finished
+    show.push(0, CHEST, 5.0 * BACK, False)
+    assert act.trial.frame == 0
+    assert act.trial.score == Score(pushes=1, open=1)
+
+
 def test_when_all_is_over_it_begins_anew(standing: Run) -> None:
     show = make(standing)
     show.go_live(True)
     play(show, show.timeline.duration + 0.5 * LINGER)
-    assert show.acts[0].trial.finished
+    trial = show.acts[0].trial
+    assert trial.finished
+    assert np.array_equal(trial.session.q, standing.trajectory.q[-1])
     play(show, LINGER)
     assert show.timeline.time < LINGER
-    assert not show.acts[0].trial.over
+    assert not trial.over
 
 
 def test_speed_and_slow_machines(standing: Run) -> None:
@@ -185,7 +197,7 @@ def test_the_replay_holds_its_last_targets(standing: Run, frame: int) -> None:
     replay.reset(frame)
     at = min(frame, len(control))
     assert replay.frame == at
-    given = [replay.targets(np.zeros(57), np.zeros(56)) for _ in range(3)]
+    given = [replay.act(np.zeros(57), np.zeros(56)) for _ in range(3)]
     for i, targets in enumerate(given):
         assert np.array_equal(targets, control[min(at + i, len(control) - 1)])
     assert replay.frame == min(at + 3, len(control))

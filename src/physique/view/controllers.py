@@ -23,7 +23,7 @@ class Controller(Protocol):
     def reset(self, frame: int) -> None:
         """Start at this frame of the trajectory."""
 
-    def targets(self, q: Array, v: Array) -> Array:
+    def act(self, q: Array, v: Array) -> Array:
         """Targets (50,), rad, in the state q (57,), v (56,); and go on by a step."""
 
 
@@ -43,7 +43,7 @@ class Replay:
         """Start at this frame of the trajectory."""
         self._frame = min(frame, len(self._control))
 
-    def targets(self, q: Array, v: Array) -> Array:
+    def act(self, q: Array, v: Array) -> Array:
         """Targets (50,), rad, whatever the state is; and go on by a step."""
         del q, v
         row = min(self._frame, len(self._control) - 1)

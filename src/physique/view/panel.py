@@ -232,7 +232,11 @@ class Panel:
             + "</tr>"
             for i, name, s in self._show.score_rows()
         ]
-        return f'<table width="100%"><tr>{head}</tr>{"".join(rows)}</table>'
+        table = f'<table width="100%"><tr>{head}</tr>{"".join(rows)}</table>'
+        unjudged = sum(score.not_judged for *_, score in self._show.score_rows())
+        if unjudged:
+            table += f"{unjudged} not judged: cut short, or too near the clip's end"
+        return table
 
     def _tell_plots(self) -> None:
         show = self._show

@@ -116,8 +116,13 @@ class Show:
         return self.acts[index].trial.session.cast(origin, direction)
 
     def push(self, index: int, hit: Hit, impulse: Array, all_alike: bool) -> list[int]:
-        """Push a body, or all in the same place; returns which. The show goes on if it paused."""
+        """Push a body, or all in the same place; returns which.
+
+        The show goes on if it paused, and begins anew if the body is at the clip's end.
+        """
         self.go_live(True)
+        if self.acts[index].trial.finished:
+            self.seek(0.0)
         pushed = list(range(len(self.acts))) if all_alike else [index]
         for i in pushed:
             self.acts[i].trial.push(Push(hit.part, hit.point, impulse))

@@ -98,9 +98,12 @@ class Trial:
         self.score = replace(self.score, open=self.score.open + 1)
 
     def advance(self) -> None:
-        """One step of 0.01 s; a body that fell, and one at the clip's end, are stepped on."""
+        """One step of 0.01 s. A body that fell is stepped on; at the clip's end it stands still."""
         session, before, over = self.session, self.frame, self.over
-        session.step(self.controller.targets(session.q, session.v))
+        if self.finished:
+            self.over_s += session.timestep
+            return
+        session.step(self.controller.act(session.q, session.v))
         if over:
             self.over_s += session.timestep
             return
