@@ -11,6 +11,7 @@ import threading
 import time
 import urllib.request
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,8 @@ import pytest
 from physique import extras
 from physique.cli import main, parse
 from physique.errors import InputError
-from physique.run import Run
+from physique.run import Run, finish_run
+from physique.tracking.trajectory import Trajectory
 from physique.view.controllers import Replay
 from physique.view.live import check_address, serving, view
 from physique.view.page import Page
@@ -75,6 +77,18 @@ def test_addresses_that_cannot_be(
 def test_folders_that_are_no_runs(capfd: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     assert "the folder of a run" in refusal(capfd, tmp_path)
     assert "1 to 6 runs" in refusal(capfd, *[tmp_path] * 7)
+
+
+def test_a_run_that_blew_up_at_once(
+    capfd: pytest.CaptureFixture[str], standing: Run, tmp_path: Path
+) -> None:
+    whole = standing.trajectory
+    start = Trajectory(
+        whole.times[:1], whole.q[:1], whole.v[:1], whole.control[:0], whole.torque[:0],
+        whole.reference_q[:1],
+    )  # fmt: skip
+    finish_run(tmp_path, replace(standing, trajectory=start))
+    assert "blew up at its start" in refusal(capfd, tmp_path)
 
 
 def test_a_missing_extra_names_the_command(
@@ -151,6 +165,16 @@ def test_the_page_draws_what_is_chosen(page: Page) -> None:
     page.tick(0.1)
     assert not ghost.visible
     panel._look.value, panel._arrows.value = "skin", False
+
+
+def test_a_body_without_a_skin_shows_its_capsules(standing: Run) -> None:
+    show = Show([replace(standing, mesh=None)], [{"replay": Replay(standing.trajectory)}])
+    with serving("127.0.0.1", 0) as server:
+        page = Page(server, show)
+        page.tick(0.1)
+        (capsules,) = page.stage.lanes[0].targets
+        assert capsules.visible
+        assert page.panel.look == "capsules"
 
 
 def test_lanes_do_not_overlap_and_the_camera_follows(page: Page) -> None:

@@ -15,7 +15,7 @@ from typing import Any
 
 from physique.errors import InputError
 from physique.extras import require
-from physique.run import load_run
+from physique.run import Run, load_run
 from physique.simulation.quiet import quiet
 from physique.view.page import Page
 from physique.view.show import Show
@@ -44,12 +44,22 @@ def view(
             "view", f"{len(folders)} runs", f"1 to {MOST_RUNS} runs", "name fewer folders"
         )
     check_address(host, port)
-    show = Show([load_run(folder) for folder in folders])
+    show = Show([_load(folder) for folder in folders])
     with quiet(), serving(host, port) as server:
         page = Page(server, show)
         told(f"http://{_in_url(host)}:{server.get_port()}")
         told(_who_sees(host))
         page.run(stop or Event())
+
+
+def _load(folder: Path) -> Run:
+    run = load_run(folder)
+    if run.trajectory.frames < 2:
+        raise InputError(
+            str(folder), "a simulation that blew up at its start", "a run with motion",
+            "choose another part of the clip and run it again",
+        )  # fmt: skip
+    return run
 
 
 @contextmanager
