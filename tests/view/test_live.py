@@ -158,7 +158,8 @@ def test_the_page_draws_what_is_chosen(page: Page) -> None:
     panel._look.value, panel._ghost.value, panel._arrows.value = "capsules", BESIDE, True
     page.tick(0.1)
     assert (skin.visible, capsules.visible) == (False, True)
-    assert lane._floor.visible
+    # It stands: both feet carry it.
+    assert [arrow.node.visible for arrow in lane._floor] == [True, True]
     ghost = lane._ghosts["capsules"].node
     assert ghost.visible
     panel._ghost.value = HIDDEN
@@ -198,11 +199,11 @@ def test_a_click_and_a_drag_push_the_body_under_them(page: Page) -> None:
     assert show.live
     assert trial.score.pushes == 1
     assert show.acts[0].trial.score.pushes == 0
-    assert lane._push.visible
+    assert lane._push.node.visible
     page.tick(0.1)
     assert trial.session.v[0] < -0.05
     page.tick(2.0)
-    assert not lane._push.visible
+    assert not lane._push.node.visible
     # A drag to the left pushes to the left.
     page.post(lambda: show.seek(0.0))
     page.post(lambda: page._grab(1, chest - 3.0 * ahead, ahead))

@@ -18,7 +18,7 @@ from physique.view.stage import Stage
 
 Array = NDArray[np.float64]
 
-FRAMES_PER_SECOND = 40
+FRAMES_PER_SECOND = 36
 PLOTS_EVERY = 0.2  # s
 ARROW_SECONDS = 0.7
 FOLLOW_EASE = 0.15  # the share of the camera's way that it goes in a frame

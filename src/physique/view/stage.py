@@ -61,6 +61,29 @@ class Figure:
         self.node.visible = True
 
 
+class Arrow:
+    """An arrow at a place. The browser moves it at once, but takes a while to change its shape."""
+
+    def __init__(self, scene: Any, name: str, colour: tuple[int, int, int], radius: float) -> None:
+        self._points = np.array([[[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]], dtype=np.float32)
+        self.node = scene.add_arrows(
+            name, self._points, colour, shaft_radius=radius, head_radius=2.4 * radius,
+            head_length=5.6 * radius, visible=False,
+        )  # fmt: skip
+
+    def show(self, place: Array, tail: Array, tip: Array) -> None:
+        """Show it at a place (3,), m, from tail (3,) to tip (3,), both relative to the place."""
+        points = np.stack([tail, tip])[None].astype(np.float32)
+        if not np.array_equal(points, self._points):
+            self.node.points = self._points = points
+        self.node.position = place
+        self.node.visible = True
+
+    def hide(self) -> None:
+        """Show it no more."""
+        self.node.visible = False
+
+
 class Lane:
     """A run's place on the stage: the body, its ghost, and arrows; all in the run's own world.
 
@@ -91,15 +114,11 @@ class Lane:
             look: Figure(scene, f"/stage/{index}/ghost/{look}", surface, GHOST, GHOST_OPACITY)
             for look, surface in surfaces.items()
         }
-        nothing = np.zeros((1, 2, 3))
-        self._push = scene.add_arrows(
-            f"/stage/{index}/push", nothing, PUSH_COLOUR, visible=False,
-            shaft_radius=0.025, head_radius=0.06, head_length=0.14,
-        )  # fmt: skip
-        self._floor = scene.add_arrows(
-            f"/stage/{index}/floor", nothing, FLOOR_COLOUR, visible=False,
-            shaft_radius=0.012, head_radius=0.03, head_length=0.07,
-        )  # fmt: skip
+        self._push = Arrow(scene, f"/stage/{index}/push", PUSH_COLOUR, 0.025)
+        self._floor = [
+            Arrow(scene, f"/stage/{index}/{side}_floor", FLOOR_COLOUR, 0.012)
+            for side in ("left", "right")
+        ]
         self._label = scene.add_label(f"/stage/{index}/label", run.name)
         self._weight = 9.81 * run.body.mass
         self._height = run.body.height
@@ -122,23 +141,20 @@ class Lane:
     def show_push(self, point: Array | None, impulse: Array | None) -> None:
         """Show an arrow that ends at point (3,), along impulse (3,) Ns; None hides it."""
         if point is None or impulse is None:
-            self._push.visible = False
+            self._push.hide()
             return
         size = float(np.linalg.norm(impulse))
-        tail = point - impulse / max(size, 1e-9) * (0.35 + 0.006 * min(size, 150.0))
-        self._push.points = np.stack([tail, point])[None].astype(np.float32)
-        self._push.visible = True
+        way = impulse / max(size, 1e-9) * (0.35 + 0.006 * min(size, 150.0))
+        self._push.show(point, -way, np.zeros(3))
 
     def show_floor(self, floor: Array | None, pressure: Array | None) -> None:
         """Show forces floor (2, 3) N at points pressure (2, 2) m; None hides them."""
-        if floor is None or pressure is None or not np.isfinite(pressure).any():
-            self._floor.visible = False
-            return
-        standing = np.isfinite(pressure).all(axis=1)
-        foot = np.concatenate([pressure[standing], np.zeros((standing.sum(), 1))], axis=1)
-        tips = foot + ARROW_LENGTH * floor[standing] / self._weight
-        self._floor.points = np.stack([foot, tips], axis=1).astype(np.float32)
-        self._floor.visible = True
+        for side, arrow in enumerate(self._floor):
+            if floor is None or pressure is None or not np.isfinite(pressure[side]).all():
+                arrow.hide()
+                continue
+            foot = np.array([*pressure[side], 0.0])
+            arrow.show(foot, np.zeros(3), ARROW_LENGTH * floor[side] / self._weight)
 
 
 class Stage:
