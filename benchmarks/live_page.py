@@ -12,7 +12,6 @@ from __future__ import annotations
 import argparse
 import threading
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import msgspec
@@ -45,8 +44,11 @@ def main() -> None:
             for live in (False, True):
                 page.post(lambda live=live: show.go_live(live))
                 name = "simulated live" if live else "as recorded"
-                rate = in_client(server.get_port(), arguments.seconds)
-                print(f"{name}: {rate:.1f} poses/s in a client that reads")
+                rate, busy = in_client(server.get_port(), arguments.seconds)
+                print(
+                    f"{name}: {rate:.1f} poses/s in a client that reads, "
+                    f"{1e3 * busy:.1f} ms of processor time each"
+                )
                 if arguments.chromium:
                     rate = in_chromium(arguments.chromium, server.get_port(), arguments.seconds)
                     print(f"{name}: {rate:.1f} poses/s in Chromium, drawing in software")
@@ -67,44 +69,38 @@ def has_pose(frame: bytes) -> bool:
     )
 
 
-def in_client(port: int, seconds: float) -> float:
-    """Poses a second that a client receives which does nothing else."""
-    counted, frames = counter()
+def in_client(port: int, seconds: float) -> tuple[float, float]:
+    """Poses a second that a client receives which does nothing else, and the seconds of processor
+    time that this process takes for each."""
+    frames = []
     with websockets.sync.client.connect(
         f"ws://127.0.0.1:{port}", subprotocols=[f"viser-v{viser_version}"], max_size=None
     ) as client:
-        end = time.perf_counter() + seconds
+        busy, end = time.process_time(), time.perf_counter() + seconds
         while time.perf_counter() < end:
-            frames(client.recv())
-    return counted() / seconds
+            frames.append(client.recv())
+        busy = time.process_time() - busy
+    poses = sum(has_pose(frame) for frame in frames)
+    return poses / seconds, busy / poses
 
 
 def in_chromium(program: str, port: int, seconds: float) -> float:
     """Poses a second that arrive in a browser, once it has drawn its first frames."""
-    counted, frames = counter()
+    frames: list[bytes] = []
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=program, args=FLAGS)
         tab = browser.new_page(viewport={"width": 720, "height": 480})
-        tab.on("websocket", lambda socket: socket.on("framereceived", frames))
+        tab.on("websocket", lambda socket: socket.on("framereceived", frames.append))
         tab.goto(f"http://127.0.0.1:{port}")
         tab.get_by_text("Playback").wait_for(timeout=120e3)
         tab.wait_for_timeout(10e3)
-        before, begin = counted(), time.perf_counter()
+        frames.clear()
+        begin = time.perf_counter()
         tab.wait_for_timeout(1e3 * seconds)
-        rate = (counted() - before) / (time.perf_counter() - begin)
+        lasted = time.perf_counter() - begin
+        rate = sum(has_pose(frame) for frame in frames) / lasted
         browser.close()
     return rate
-
-
-def counter() -> tuple[Callable[[], int], Callable[[bytes], None]]:
-    """A count of poses, and what is to be handed each frame."""
-    found: list[bytes] = []
-
-    def frames(frame: bytes) -> None:
-        if has_pose(frame):
-            found.append(b"")
-
-    return lambda: len(found), frames
 
 
 if __name__ == "__main__":

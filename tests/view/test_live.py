@@ -23,6 +23,7 @@ from physique.cli import main, parse
 from physique.errors import InputError
 from physique.run import Run, finish_run
 from physique.tracking.trajectory import Trajectory
+from physique.view.bones import send_bones
 from physique.view.controllers import Replay
 from physique.view.live import check_address, serving, view
 from physique.view.page import Page
@@ -176,6 +177,23 @@ def test_a_body_without_a_skin_shows_its_capsules(standing: Run) -> None:
         (capsules,) = page.stage.lanes[0].targets
         assert capsules.visible
         assert page.panel.look == "capsules"
+
+
+def test_bones_arrive_as_if_they_were_assigned(page: Page) -> None:
+    """The messages are those that viser's own setters make."""
+    node = page.stage.lanes[0].targets[0]
+    sent: list[Any] = []
+    random = np.random.default_rng(0)
+    places, turns = random.normal(size=(22, 3)), random.normal(size=(22, 4))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(node._impl.api, "_queue_scene_message", sent.append)
+        send_bones(node, places, turns)
+        ours = [*sent]
+        sent.clear()
+        for bone, place, turn in zip(node.bones, places, turns):
+            bone.position, bone.wxyz = place, turn
+    assert len(ours) == 44
+    assert ours == sent
 
 
 def test_lanes_do_not_overlap_and_the_camera_follows(page: Page) -> None:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from physique import rotations
 from physique.export.surface import Surface, capsule_surface, skin_surface
 from physique.run import Run
+from physique.view.bones import send_bones
 
 Array = NDArray[np.float64]
 Look = Literal["skin", "capsules"]
@@ -56,8 +57,7 @@ class Figure:
         # The bones stand relative to the pelvis, so that the browser's bounding volume, which it
         # makes once, goes with the body.
         self.node.position = poses[0, :3]
-        for bone, place, turn in zip(self.node.bones, poses[:, :3] - poses[0, :3], poses[:, 3:]):
-            bone.position, bone.wxyz = place, turn
+        send_bones(self.node, poses[:, :3] - poses[0, :3], poses[:, 3:])
         self.node.visible = True
 
 
