@@ -87,10 +87,14 @@ def in_client(port: int, seconds: float) -> tuple[float, float]:
 def in_chromium(program: str, port: int, seconds: float) -> float:
     """Poses a second that arrive in a browser, once it has drawn its first frames."""
     frames: list[bytes] = []
+
+    def keep(frame: bytes) -> None:
+        frames.append(frame)
+
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=program, args=FLAGS)
         tab = browser.new_page(viewport={"width": 720, "height": 480})
-        tab.on("websocket", lambda socket: socket.on("framereceived", frames.append))
+        tab.on("websocket", lambda socket: socket.on("framereceived", keep))
         tab.goto(f"http://127.0.0.1:{port}")
         tab.get_by_text("Playback").wait_for(timeout=120e3)
         tab.wait_for_timeout(10e3)

@@ -32,7 +32,7 @@ FLAGS = [
     "--disable-component-update",
     "--disable-sync",
 ]
-PATIENCE = 60.0  # s; software drawing on a busy machine takes a second a frame
+PATIENCE = 90.0  # s; software drawing on a busy machine takes a second a frame
 SIZE = {"width": 720, "height": 480}
 
 
