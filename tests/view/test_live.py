@@ -251,6 +251,12 @@ def test_controls_reach_the_show(page: Page) -> None:
     settle(lambda: show.live)
     panel._mode.value = "the recording"
     settle(lambda: not show.live)
+    # The page's own changes show in the control, and do not come back.
+    page.post(lambda: show.go_live(True))
+    settle(lambda: panel._mode.value == "a live simulation")
+    settle(lambda: show.live)
+    page.post(lambda: show.go_live(False))
+    settle(lambda: panel._mode.value == "the recording")
     panel._speed.value = "1/4"
     settle(lambda: show.timeline.speed == 0.25)
     panel._speed.value = "1"

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from standing import Balance
 
-from conftest import Balance
 from physique import skeleton
 from physique.export.skin import joint_transforms
 from physique.run import Run

@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -41,7 +42,7 @@ class Panel:
         gui.configure_theme(control_width="medium", show_logo=False, show_share_button=False)
         gui.set_panel_label("physique")
         gui.main_panel.dock_right()
-        self._said, self._hands_off = "", 0.0
+        self._said, self._told_mode, self._hands_off = "", RECORDED, 0.0
         self._status = gui.add_html("")
         self._playback(gui)
         self._pushes(gui)
@@ -90,7 +91,7 @@ class Panel:
             )
             self._speed = gui.add_dropdown("Speed", tuple(SPEEDS), initial_value="1")
             self._follow = gui.add_checkbox("Camera follows", True)
-        self._mode.on_update(lambda e: post(lambda: show.go_live(e.target.value == LIVE)))
+        self._mode.on_update(lambda e: post(partial(show.go_live, e.target.value == LIVE)))
         self._play.on_click(lambda _: post(self._toggle))
         self._restart.on_click(lambda _: post(lambda: show.seek(0.0)))
         self._time.on_update(self._scrub)
@@ -118,7 +119,7 @@ class Panel:
             self._again = gui.add_checkbox("Begin anew at the end", True)
             forget = gui.add_button("Set counters to zero")
         for i, choice in enumerate(self._controllers):
-            choice.on_update(lambda e, i=i: post(lambda: show.choose(i, e.target.value)))
+            choice.on_update(lambda e, i=i: post(partial(show.choose, i, e.target.value)))
         self._again.on_update(lambda e: post(lambda: setattr(show, "restarts", e.target.value)))
         forget.on_click(lambda _: post(show.forget))
 
@@ -170,16 +171,16 @@ class Panel:
         else:
             timeline.play()
 
-    def _scrub(self, event: Any) -> None:
+    async def _scrub(self, event: Any) -> None:
         # What the page itself sets comes back without a client.
         if event.client is None:
             return
-
         self._hands_off = time.monotonic() + HANDS_OFF
+        at = float(event.target.value)
 
         def seek() -> None:
             self._show.timeline.playing = False
-            self._show.seek(float(event.target.value))
+            self._show.seek(at)
 
         self._post(seek)
 
@@ -190,8 +191,9 @@ class Panel:
         """Bring all that is told up to date; the plots only if asked to: they are large."""
         show = self._show
         mode = LIVE if show.live else RECORDED
-        if self._mode.value != mode:
-            self._mode.value = mode
+        # Only when it changes: what people just chose may not have been done yet.
+        if mode != self._told_mode:
+            self._told_mode = self._mode.value = mode
         label = "Pause" if show.timeline.playing else "Play"
         if self._play.label != label:
             self._play.label = label

@@ -95,7 +95,8 @@ class Show:
             self.seek(self.timeline.time)
 
     def choose(self, index: int, name: str) -> None:
-        """Let another controller perform; all begin anew, so that they stay comparable."""
+        """Let another controller perform, live; all begin anew, so that they stay comparable."""
+        self.go_live(True)
         trial = self.acts[index].trial
         self.scores[index][self.chosen[index]] = trial.score
         self.chosen[index] = name

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from standing import Balance
 
-from conftest import Balance
 from physique import skeleton
 from physique.run import Run
 from physique.view.controllers import Replay
