@@ -225,7 +225,29 @@ class Demo:
         console.show_files(result.pictures)
 
 
-Command = Bodies | Clips | Body | Retarget | Export | Report | Demo
+@dataclass(frozen=True)
+class View:
+    """Serve a page that plays runs side by side, and lets you push the bodies.
+
+    Args:
+        runs: folders of runs
+        port: to serve on; 0 takes a free one
+        host: to serve on; anything but 127.0.0.1 opens the page to others
+    """
+
+    runs: Annotated[Positional[tuple[Path, ...]], arg(metavar="RUN [RUN ...]")]
+    port: Annotated[int, arg(metavar="PORT")] = 8080
+    host: Annotated[str, arg(metavar="ADDRESS")] = "127.0.0.1"
+
+    def run(self) -> None:
+        """Serve until Ctrl-C."""
+        from physique.view.live import view
+
+        with contextlib.suppress(KeyboardInterrupt):
+            view(self.runs, host=self.host, port=self.port, told=console.say)
+
+
+Command = Bodies | Clips | Body | Retarget | Export | Report | View | Demo
 
 
 def parse(arguments: list[str] | None = None) -> Command:

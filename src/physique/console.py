@@ -35,6 +35,12 @@ def fail(text: str) -> None:
     sys.stderr.write(f"physique: {text}\n")
 
 
+def say(text: str) -> None:
+    """Print a line to stdout, at once."""
+    sys.stdout.write(f"{text}\n")
+    sys.stdout.flush()
+
+
 def usage_error(text: str) -> InputError:
     """What the argument parser says in a box of many lines, as one."""
     words = " ".join(re.sub(r"[─│╭╮╰╯]+", " ", text).split())

@@ -15,7 +15,8 @@ from physique.simulation.character import Character
 
 Array = NDArray[np.float64]
 
-_WARNINGS = (
+#: What MuJoCo warns of where a simulation blows up.
+BLOWN_UP = (
     mujoco.mjtWarning.mjWARN_BADQPOS,
     mujoco.mjtWarning.mjWARN_BADQVEL,
     mujoco.mjtWarning.mjWARN_BADQACC,
@@ -166,7 +167,7 @@ def simulate(
     mujoco.mj_fwdVelocity(model, data)
     mujoco.mj_sensorVel(model, data)
     out.com[-1], out.com_velocity[-1] = sensors[:3], sensors[3:6]
-    if any(data.warning[w].number for w in _WARNINGS):
+    if any(data.warning[w].number for w in BLOWN_UP):
         return Rollout(**{**out.__dict__, "diverged": True})
     return out
 
