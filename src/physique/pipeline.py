@@ -14,6 +14,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from physique import metrics, run, skeleton
+from physique.body.held import Held
 from physique.errors import InputError
 from physique.export.bvh import write_bvh
 from physique.inputs import (
@@ -84,6 +85,8 @@ def retarget(
     optimizer: OptimizerName = "fast",
     torque_limit: TorqueLimit = "body",
     horizon: float | None = None,
+    weights: Weights | None = None,
+    hold: Held | None = None,
     seed: int = 0,
     threads: int | None = None,
     out: PathLike | None = None,
@@ -114,7 +117,7 @@ def retarget(
     motion = read_clip_part(clip, fps, start, end, mapping)
     mesh, capsules = find_body(body)
     limits = find_limits(torque_limit, capsules)
-    character = make_character(capsules, limits)
+    character = make_character(capsules, limits, hold)
     reference = make_reference(motion, character)
     if reference.frames < 2:
         raise InputError(

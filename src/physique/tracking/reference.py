@@ -12,7 +12,7 @@ from physique.motion.clip import Motion
 from physique.motion.filter import resample
 from physique.motion.kinematics import joint_positions
 from physique.simulation import kinematics, reduced
-from physique.simulation.character import Character
+from physique.simulation.character import Character, empty_handed
 from physique.simulation.state import finite_velocity
 from physique.tracking import footing
 from physique.tracking.costs import Target
@@ -74,9 +74,18 @@ def make_reference(motion: Motion, character: Character) -> Reference:
     angles = reduced.to_angles(motion.rotations, rest)
     q = np.concatenate([root, motion.rotations[:, 0], angles], axis=1)
     ankles = joint_positions(motion)[:, list(footing.ANKLES), :2]
-    q = footing.stand(character, q, motion.contacts, start + scale * (ankles - start))
+    bare = empty_handed(character)
+    q = footing.stand(bare, q, motion.contacts, start + scale * (ankles - start))
     v = finite_velocity(q, timestep)
-    pose = kinematics.poses(character, q)
+    pose = kinematics.poses(bare, q)
+    import os
+    V = os.environ.get("VARIANT", "A")
+    if V == "A":
+        pose = kinematics.poses(character, q)
+    else:
+        full = kinematics.poses(character, q)
+        pose.com[:, 2] = full.com[:, 2]
+        pose.com_jacobian[:, 2] = full.com_jacobian[:, 2]
     return Reference(
         name=motion.name,
         timestep=timestep,
