@@ -108,9 +108,6 @@ def _optimize(
     end = min(start + round(schedule.horizon / timestep), last)
     com = simulator.com(q)
     shift = com[:2] - reference.com[start, :2]
-    import os
-    if os.environ.get("VARIANT", "A") == "B0" and previous is None:
-        shift = np.zeros(2)
     target = reference.target(start, end + 1, shift)
     problem = Problem(character, q, v, target, weights)
     nominal_q, nominal_v = target.q.copy(), target.v.copy()
