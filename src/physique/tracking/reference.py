@@ -16,6 +16,7 @@ from physique.simulation import kinematics, reduced
 from physique.simulation.carry import move_com
 from physique.simulation.character import Character, empty_handed
 from physique.simulation.held import held_geoms
+from physique.simulation.hinges import columns
 from physique.simulation.state import finite_velocity
 from physique.tracking import footing
 from physique.tracking.costs import Target, Weights
@@ -25,6 +26,8 @@ Array = NDArray[np.float64]
 CARRY_SMOOTHING = 0.25  # s
 #: Resistance of the pelvis' place, per m2: next to none, for E does not hold it.
 _FREE = 0.01
+_FIXED = 1e4
+_ARM = ("collar", "shoulder", "elbow", "wrist")
 
 
 @dataclass(frozen=True)
@@ -104,8 +107,9 @@ def carry(character: Character, q: Array) -> Array:
     The performer's centre of mass is over the feet; with an object in the hand the same pose would
     carry it to that side, for good where one stands. The pose gives way by what E (Eq. 2, with the
     weights of section 3.1) says is best: its pose term resists, its com term pulls the common
-    centre of mass back, horizontally. Only as fast as a person shifts weight: what an object does
-    within a swing of the arm is left to the simulation.
+    centre of mass back, horizontally. The arm that holds stays as the performer's: it would gain as
+    much by rising as by sinking. Only as fast as a person shifts weight: what an object does within
+    a swing of the arm is left to the simulation.
     """
     weights = Weights()
     timestep = float(character.model.opt.timestep)
@@ -115,6 +119,10 @@ def carry(character: Character, q: Array) -> Array:
     resistance = np.concatenate(
         [np.full(3, _FREE), np.full(3, weights.root), weights.pose * weights.joints]
     )
+    for held in held_geoms(character.model):
+        side = skeleton.JOINTS[held.joint].removesuffix("_wrist")
+        for joint in _ARM:
+            resistance[6:][columns(f"{side}_{joint}")] *= _FIXED
     return move_com(character, q, full[:, :2] - aside, resistance, weights.com)
 
 
