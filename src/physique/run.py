@@ -76,7 +76,7 @@ class Run:
         """Clip and body, and what it holds."""
         identity = self.record["identity"]
         name = f"{identity['clip']} on {self.body.name}"
-        if not identity["hold"]:
+        if identity.get("hold") is None:
             return name
         hand = "each hand" if identity["hand"] == "both" else f"the {identity['hand']} hand"
         return f"{name}, {identity['hold']} in {hand}"

@@ -19,6 +19,7 @@ from physique import skeleton
 from physique.body.capsule_body import CapsuleBody, Part
 from physique.body.held import Held, held_parts
 from physique.errors import InputError
+from physique.simulation.held import held_geoms
 from physique.simulation.hinges import AXES, HINGES
 
 Array = NDArray[np.float64]
@@ -78,7 +79,9 @@ def make_character(
 
 
 def empty_handed(character: Character) -> Character:
-    """The same body without what it holds."""
+    """The same body without what it holds; itself where it holds nothing."""
+    if not held_geoms(character.model):
+        return character
     return make_character(character.body, character.torque_limit)
 
 

@@ -27,8 +27,8 @@ def start_state(
 
     Parts of the body that overlap in the mocap pose are turned apart by the least change of joint
     angles, and so is a held object from the body and the floor; then the body is lifted out of the
-    floor; feet that should stand get no velocity, by
-    the change of velocity that needs least kinetic energy.
+    floor. Feet that should stand get no velocity, by the change of velocity that needs least
+    kinetic energy.
     """
     q = separate(character, q)
     q[2] += max(0.0, -lowest_contact(character, q))
@@ -47,8 +47,8 @@ def separate(character: Character, q: Array) -> Array:
         data.qpos[:] = q
         mujoco.mj_fwdPosition(model, data)
         for contact in data.contact:
-            foot = contact.geom1 == 0 and contact.geom2 not in objects
-            if foot or contact.dist >= CLEARANCE:
+            stands = contact.geom1 == 0 and contact.geom2 not in objects
+            if stands or contact.dist >= CLEARANCE:
                 continue
             normal = contact.frame[:3]  # from geom1 to geom2
             rows.append(normal @ _point_jacobian_difference(model, data, contact))

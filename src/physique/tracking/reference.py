@@ -106,7 +106,8 @@ def carry(character: Character, q: Array) -> Array:
 
     The performer's centre of mass is over the feet; with an object in the hand the same pose would
     carry it to that side, for good where one stands. The pose gives way by what E (Eq. 2, with the
-    weights of section 3.1) says is best: its pose term resists, its com term pulls the common
+    weights of section 3.1) says is best: its pose term resists, and the pelvis' turn with the
+    weight of its own term, as if that were a square too; its com term pulls the common
     centre of mass back, horizontally. The arm that holds stays as the performer's: it would gain as
     much by rising as by sinking. Only as fast as a person shifts weight: what an object does within
     a swing of the arm is left to the simulation.
