@@ -22,6 +22,7 @@ from physique.motion.library import list_clips
 from physique.motion.read import read_motion
 
 OK, BAD = 0, 2
+WALK = ["retarget", "walk", "--body", "average", "--out", "not_made"]
 
 
 def call(*arguments: object) -> int:
@@ -107,12 +108,25 @@ def test_body_json_has_the_documented_keys(
         (["body", "--sex", "other"], "other"),
         (["body", "--wings", "2"], "--wings"),
         (["retarget", "walk", "--body", "average"], "--out"),
+        ([*WALK, "--weight", "roots=2"], "com, com_velocity, pose, velocity, root, acceleration"),
+        ([*WALK, "--weight", "joints=2"], "no such weight"),
+        ([*WALK, "--weight", "com"], "NAME=NUMBER"),
+        ([*WALK, "--weight", "com=much"], "no number"),
+        ([*WALK, "--weight", "com=nan"], "no number"),
+        ([*WALK, "--weight", "com=-1"], "0 to 1e+09"),
+        ([*WALK, "--weight", "com=1", "--weight", "com=2"], "two values"),
+        ([*WALK, "--hold", "stick:2"], "without a unit"),
+        ([*WALK, "--hold", "stick:-2kg"], "-2 kg"),
+        ([*WALK, "--hold", "spear:2kg"], "stick or block"),
+        ([*WALK, "--hold", "stick:2kg", "--hand", "third"], "third"),
+        ([*WALK, "--hand", "left"], "--hold"),
     ],
 )
 def test_bad_arguments_are_refused_in_one_line(
     capfd: pytest.CaptureFixture[str], arguments: list[str], text: str
 ) -> None:
     assert text in refusal(capfd, *arguments)
+    assert not Path("not_made").exists()
 
 
 def test_an_output_of_the_wrong_kind_is_refused(
@@ -216,6 +230,22 @@ def test_retarget_prints_its_metrics_and_a_second_run_is_refused(
     assert "--resume" in refusal(capfd, *arguments)
     assert "limit 150" in refusal(capfd, *arguments[:7], 120, *arguments[8:], "--resume")
     assert {p.name: p.read_bytes() for p in out.iterdir()} == before
+
+
+def test_weights_and_objects_reach_the_run(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    assert call("retarget", "walk", "--body", "average", "--end", 0.06, "--threads", 1, "--out",
+                out, "--weight", "com=30", "--weight", "root=2", "--hold", "block:3kg:0.15m",
+                "--hand", "both") == OK  # fmt: skip
+    identity = json.loads((out / "run.json").read_text())["identity"]
+    assert (identity["weight_com"], identity["weight_root"], identity["weight_pose"]) == (
+        30,
+        2,
+        0.5,
+    )
+    assert (identity["hold"], identity["hand"]) == ("block:3.0kg:0.15m", "both")
+    assert json.loads((out / "metrics.json").read_text())["held_mass_kg"] == 6
+    assert (out / "character.xml").read_text().count("held_") == 2
 
 
 @pytest.mark.skipif(os.name != "posix", reason="sends POSIX signals")

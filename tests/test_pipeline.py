@@ -16,12 +16,18 @@ import numpy as np
 import pytest
 
 import physique
+from physique import rotations, skeleton
 from physique.body.capsule_body import CapsuleBody
 from physique.errors import InputError
 from physique.inputs import find_body
+from physique.motion.clip import Motion
 from physique.run import NAMES, Run
+from physique.simulation.character import empty_handed
+from physique.simulation.hinges import columns
+from physique.simulation.kinematics import poses
 from physique.tracking import ddp
 
+HELD = physique.Held("stick", 5.0, 1.0)
 START, END = 0.5, 0.75  # s of the walk: two windows at a horizon of 0.2 s
 
 
@@ -192,6 +198,82 @@ def test_a_body_too_weak_falls_and_says_so(body: CapsuleBody) -> None:
     assert weak.metrics["mpjpe_max_mm"] > 500
     assert weak.metrics["torque_saturation"] > 0.3
     assert not all(w["success"] for w in weak.metrics["windows"])
+
+
+@pytest.fixture(scope="session")
+def loaded(body: CapsuleBody, tmp_path_factory: pytest.TempPathFactory) -> Run:
+    """The walk with a stick of 5 kg in the right hand."""
+    return walk(body, hold=HELD, out=tmp_path_factory.mktemp("loaded") / "run")
+
+
+def test_a_held_object_is_in_the_run_and_in_its_model(loaded: Run, body: CapsuleBody) -> None:
+    test_plain_mujoco_replays_the_run(loaded)
+    test_no_force_acts_but_joints_gravity_and_contact(loaded)
+    stored = physique.load_run(str(loaded.folder))
+    model = stored.character().model
+    assert [g.name for g in physique.held_geoms(model)] == ["held_right"]
+    assert model.body_subtreemass[0] == pytest.approx(body.mass + 5.0, rel=1e-5)
+    assert stored.metrics["held_mass_kg"] == 5.0
+    assert stored.metrics["body_mass_kg"] == body.mass
+    assert stored.record["identity"]["hold"] == "stick:5.0kg:1.0m"
+    assert stored.record["identity"]["hand"] == "right"
+    assert stored.name == "walk on average, stick:5.0kg:1.0m in the right hand"
+    # The skeleton that is exported is the person's.
+    assert physique.read_motion(Path(str(loaded.folder)) / "motion.bvh").frames > 0
+
+
+def test_two_threads_give_the_same_bits_with_an_object(loaded: Run, body: CapsuleBody) -> None:
+    assert same_motion(walk(body, hold=HELD, threads=2), loaded)
+
+
+def test_another_object_or_weight_is_another_run(loaded: Run, body: CapsuleBody) -> None:
+    again = partial(walk, body, out=loaded.folder, resume=True)
+    assert same_motion(again(hold=HELD), loaded)
+    with pytest.raises(InputError, match=r"hand right; expected None"):
+        again()
+    with pytest.raises(InputError, match=r"hold stick:5.0kg:1.0m; expected stick:4.0kg:1.0m"):
+        again(hold=physique.Held("stick", 4.0, 1.0))
+    with pytest.raises(InputError, match="hand right; expected left"):
+        again(hold=physique.Held("stick", 5.0, 1.0, "left"))
+    with pytest.raises(InputError, match=r"weight com 15\.0; expected 30\.0"):
+        again(hold=HELD, weights=physique.Weights(com=30.0))
+    with pytest.raises(InputError, match="joint weights"):
+        again(hold=HELD, weights=physique.Weights(joints=np.ones(50)))
+
+
+@pytest.mark.usefixtures("hasty")
+def test_weights_weigh(body: CapsuleBody) -> None:
+    """A weight a hundred times as great halves its term, as the plain weights measure it."""
+    plain, rooted = walk(body), walk(body, weights=physique.Weights(root=400.0))
+    assert rooted.metrics["cost"]["root"] / 100 < 0.5 * plain.metrics["cost"]["root"]
+
+
+def test_the_mass_of_what_is_held_changes_the_motion(body: CapsuleBody) -> None:
+    """Standing with an arm held out: the trunk leans away, and shoulder and trunk work more."""
+    frames = 51
+    turns = np.tile(rotations.IDENTITY, (frames, 22, 1))
+    stand = Motion("stand", "T-pose", 100.0, turns, np.tile(body.joints[0], (frames, 1)),
+                   body.joints, np.ones((frames, 2), dtype=bool))  # fmt: skip
+    found = []
+    for mass in (None, 2.0, 8.0):
+        hold = None if mass is None else physique.Held("stick", mass, 1.0)
+        run = physique.retarget(stand, body, hold=hold, threads=1)
+        assert run.success
+        pose = poses(empty_handed(run.character()), run.trajectory.q[25:])
+        spine = pose.joints[:, skeleton.INDEX["neck"]] - pose.joints[:, 0]
+        torque = np.abs(run.trajectory.torque[25:]).mean(axis=0)
+        found.append([
+            float((spine[:, 1] / spine[:, 2]).mean()),  # to the left
+            float((pose.com - pose.joints[:, [7, 8]].mean(axis=1))[:, 1].mean()),
+            float(torque[columns("right_shoulder")].sum()),
+            float(torque[columns("spine1")].sum()),
+        ])  # fmt: skip
+    assert np.all(np.diff(found, axis=0) > 0)
+    lean, com, shoulder, _ = np.array(found).T
+    assert np.degrees(lean[2] - lean[0]) > 3
+    assert com[2] - com[0] > 0.02
+    # Statics: 8 kg at the end of an arm of about 0.6 m.
+    assert shoulder[2] - shoulder[0] == pytest.approx(8 * 9.81 * 0.6, rel=0.3)
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from physique.body.bodyfile import load_body, save_body
     from physique.body.build import capsule_body
     from physique.body.fit import make_body
+    from physique.body.held import Held, parse_held
     from physique.body.named import named_body
     from physique.errors import InputError
     from physique.exporting import export_run
@@ -19,8 +20,10 @@ if TYPE_CHECKING:
     from physique.pipeline import Progress, export_bvh, retarget
     from physique.run import Run, load_run
     from physique.simulation.character import Character, make_character
+    from physique.simulation.held import HeldGeom, held_geoms
     from physique.simulation.start import start_state
     from physique.simulation.strength import torque_limits
+    from physique.tracking.costs import Weights
     from physique.tracking.reference import Reference, make_reference
     from physique.tracking.trajectory import Trajectory
     from physique.view.report import write_report
@@ -29,15 +32,19 @@ __version__ = version("physique")
 
 __all__ = [
     "Character",
+    "Held",
+    "HeldGeom",
     "InputError",
     "Motion",
     "Progress",
     "Reference",
     "Run",
     "Trajectory",
+    "Weights",
     "capsule_body",
     "export_bvh",
     "export_run",
+    "held_geoms",
     "list_clips",
     "load_body",
     "load_run",
@@ -45,6 +52,7 @@ __all__ = [
     "make_character",
     "make_reference",
     "named_body",
+    "parse_held",
     "read_motion",
     "retarget",
     "save_body",
@@ -57,6 +65,7 @@ _HOME = {
     "physique.body.bodyfile": ("load_body", "save_body"),
     "physique.body.build": ("capsule_body",),
     "physique.body.fit": ("make_body",),
+    "physique.body.held": ("Held", "parse_held"),
     "physique.body.named": ("named_body",),
     "physique.errors": ("InputError",),
     "physique.exporting": ("export_run",),
@@ -67,6 +76,8 @@ _HOME = {
     "physique.run": ("Run", "load_run"),
     "physique.simulation.character": ("Character", "make_character"),
     "physique.simulation.strength": ("torque_limits",),
+    "physique.simulation.held": ("HeldGeom", "held_geoms"),
+    "physique.tracking.costs": ("Weights",),
     "physique.tracking.reference": ("Reference", "make_reference"),
     "physique.simulation.start": ("start_state",),
     "physique.tracking.trajectory": ("Trajectory",),

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import tyro
-from tyro.conf import FlagCreatePairsOff, Positional, arg
+from tyro.conf import FlagCreatePairsOff, Positional, UseAppendAction, arg
 
 from physique import console
 from physique.errors import InputError
@@ -98,6 +98,11 @@ class Retarget:
         optimizer: fast uses derivatives of the simulator; paper is CMA as published, and slow
         torque_limit: body, for limits that fit mass and stature, or Nm for all joints
         horizon: seconds that each window looks ahead
+        weight: weight of a term of the cost: com, com_velocity, pose, velocity, root or
+            acceleration; may be given again for others
+        hold: an object: stick or block, mass and, if wanted, size, such as stick:2.0kg (1 m long),
+            stick:2.0kg:1.2m, block:5kg (a cube of 0.2 m) or block:5kg:0.3m
+        hand: that holds it, right if left out; both is one such object in each hand
         seed: of all random draws
         mapping: names the joints of a skeleton that is not recognised (docs/motion.md)
         threads: that simulate; they do not change the result
@@ -114,6 +119,9 @@ class Retarget:
     optimizer: Literal["fast", "paper"] = "fast"
     torque_limit: Annotated[Literal["body"] | float, arg(metavar="body|NM")] = "body"
     horizon: Annotated[float | None, arg(metavar="SECONDS")] = None
+    weight: Annotated[UseAppendAction[tuple[str, ...]], arg(metavar="NAME=NUMBER")] = ()
+    hold: Annotated[str | None, arg(metavar="SHAPE:MASS[:SIZE]")] = None
+    hand: Annotated[Literal["right", "left", "both"] | None, arg(metavar="right|left|both")] = None
     seed: int = 0
     mapping: Annotated[Path | None, arg(metavar="FILE.toml")] = None
     threads: Annotated[int | None, arg(metavar="COUNT")] = None
@@ -122,8 +130,11 @@ class Retarget:
 
     def run(self) -> None:
         """Retarget and show the metrics."""
+        from physique.inputs import find_held, parse_weights
         from physique.pipeline import retarget
 
+        weights = parse_weights(self.weight)
+        held = find_held(self.hold, self.hand)
         with console.progress(f"{self.clip} on {self.body}") as report:
             run = retarget(
                 self.clip,
@@ -135,6 +146,8 @@ class Retarget:
                 optimizer=self.optimizer,
                 torque_limit=self.torque_limit,
                 horizon=self.horizon,
+                weights=weights,
+                hold=held,
                 seed=self.seed,
                 threads=self.threads,
                 out=self.out,

@@ -117,8 +117,9 @@ def show_runs(runs: Sequence[Run]) -> None:
         ("simulated steps", lambda r: f"{r.metrics['sim_steps']:,}"),
         ("wall seconds", lambda r: f"{r.metrics['wall_s']:.1f}"),
     ]
-    names = [f"{r.record['identity']['clip']} on {r.record['identity']['body']}" for r in runs]
-    table(("", *names), [(label, *(show(r) for r in runs)) for label, show in rows])
+    table(
+        ("", *(r.name for r in runs)), [(label, *(show(r) for r in runs)) for label, show in rows]
+    )
     show_files([r.folder for r in runs if r.folder is not None])
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import math
+from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Literal
@@ -15,11 +16,13 @@ from numpy.typing import NDArray
 from physique.body.bodyfile import load_body
 from physique.body.build import capsule_body
 from physique.body.capsule_body import CapsuleBody
+from physique.body.held import Hand, Held, parse_held
 from physique.body.mesh import BodyMesh
 from physique.body.named import PEOPLE, named_body
 from physique.errors import InputError
 from physique.motion.read import read_clip
 from physique.simulation.strength import torque_limits
+from physique.tracking.costs import TERMS, Weights
 
 Array = NDArray[np.float64]
 
@@ -66,6 +69,43 @@ def find_limits(limit: TorqueLimit, body: CapsuleBody) -> Array:
             "correct the value",
         )
     return np.full(50, float(limit))
+
+
+def find_held(text: str | None, hand: Hand | None) -> Held | None:
+    """What the hand holds, the right one if none is named; None for no text.
+
+    Raises InputError for a hand without an object, and as `parse_held`.
+    """
+    if text is not None:
+        return parse_held(text, hand or "right")
+    if hand is not None:
+        raise InputError(
+            "hand", f"{hand} with nothing to hold", "an object too", "add --hold, or leave it out"
+        )
+    return None
+
+
+def parse_weights(texts: Sequence[str]) -> Weights:
+    """The weights of E with those that texts such as "com=30" change.
+
+    Raises InputError for a name that is no term of E, one that comes twice, or no such number.
+    """
+    found: dict[str, float] = {}
+    for text in texts:
+        name, equals, number = (part.strip() for part in text.partition("="))
+        try:
+            value = float(number)
+        except ValueError:
+            value = math.nan
+        if not equals or name not in TERMS or math.isnan(value):
+            raise InputError(
+                f"weight {text!r}", "no such weight" if name not in TERMS else "no number",
+                "NAME=NUMBER with a name of " + ", ".join(TERMS), "correct the text",
+            )  # fmt: skip
+        if name in found:
+            raise InputError(f"weight {name}", "two values", "one", "leave one out")
+        found[name] = value
+    return dataclasses.replace(Weights(), **found)  # type: ignore[arg-type]
 
 
 def clip_hash(clip: str | Path) -> str:

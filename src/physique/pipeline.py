@@ -14,6 +14,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from physique import metrics, run
+from physique.body.held import Held
 from physique.errors import InputError
 from physique.export.bvh import write_body_bvh
 from physique.inputs import (
@@ -84,6 +85,8 @@ def retarget(
     optimizer: OptimizerName = "fast",
     torque_limit: TorqueLimit = "body",
     horizon: float | None = None,
+    weights: Weights | None = None,
+    hold: Held | None = None,
     seed: int = 0,
     threads: int | None = None,
     out: PathLike | None = None,
@@ -100,7 +103,8 @@ def retarget(
     mapping: a TOML file for a skeleton that is not recognised.
     optimizer: "fast" (derivatives) or "paper" (CMA as published; about a thousand times dearer).
     torque_limit: "body", limits that fit the person's mass and stature, or Nm for all joints.
-    horizon: s that each window looks ahead. seed: of all random draws.
+    horizon: s that each window looks ahead. weights: of the terms of E (Eq. 2).
+    hold: an object in a hand or one in each; the performer holds none. seed: of all random draws.
     threads: that simulate; all processors, up to 8, if left out. They do not change the result.
     out: a folder; finished windows are kept there, so that a run that was stopped goes on with
         `resume`, to the same bits. `overwrite` replaces a run that is there.
@@ -109,12 +113,13 @@ def retarget(
     for input that cannot be used, before anything is written.
     """
     schedule = _schedule(optimizer, horizon)
+    weights = weights or Weights()
     workers = _threads(threads)
     _check_seed(seed)
     motion = read_clip_part(clip, fps, start, end, mapping)
     mesh, capsules = find_body(body)
     limits = find_limits(torque_limit, capsules)
-    character = make_character(capsules, limits)
+    character = make_character(capsules, limits, hold)
     reference = make_reference(motion, character)
     if reference.frames < 2:
         raise InputError(
@@ -137,6 +142,10 @@ def retarget(
             "end": end,
             "optimizer": optimizer,
             "torque_limit": torque_limit,
+            **{f"weight_{name}": value for name, value in weights.terms.items()},
+            "joint_weights_sha256": digest(weights.joints),
+            "hold": None if hold is None else str(hold),
+            "hand": None if hold is None else hold.hand,
             "horizon": schedule.horizon,
             "commit": schedule.commit,
             "careful_commit": schedule.careful,
@@ -156,12 +165,13 @@ def retarget(
         if finished is not None:
             return finished
     checkpoints = done + _track(
-        character, reference, q0, v0, schedule, optimizer, seed, workers, folder, record, done,
-        progress,
+        character, reference, q0, v0, schedule, weights, optimizer, seed, workers, folder, record,
+        done, progress,
     )  # fmt: skip
     windows = [c.window for c in checkpoints]
     trajectory = join(reference, q0, v0, windows)
-    report = _report(character, reference, trajectory, checkpoints, seed)
+    report = _report(character, reference, trajectory, checkpoints, weights, seed)
+    report["held_mass_kg"] = 0.0 if hold is None else hold.mass * len(hold.hands)
     result = Run(record, report, trajectory, character.xml, capsules, mesh)
     if folder is None:
         return result
@@ -194,6 +204,7 @@ def _track(
     q0: np.ndarray,
     v0: np.ndarray,
     schedule: Schedule,
+    weights: Weights,
     optimizer: OptimizerName,
     seed: int,
     threads: int,
@@ -218,7 +229,7 @@ def _track(
     with quiet(), Simulator(character, threads) as simulator:
         windows = track(
             character, reference, q0, v0, simulator, _optimizer(optimizer, seed, tell), schedule,
-            Weights(), [c.window for c in done],
+            weights, [c.window for c in done],
         )  # fmt: skip
         clock = time.perf_counter()
         for window in windows:
@@ -268,11 +279,12 @@ def _report(
     reference: Reference,
     trajectory: Trajectory,
     checkpoints: list[Checkpoint],
+    weights: Weights,
     seed: int,
 ) -> dict[str, Any]:
     """All metrics: those of the motion, and what it took to find it."""
     windows = [c.window for c in checkpoints]
-    report = metrics.measure(character, reference, trajectory, windows, Weights())
+    report = metrics.measure(character, reference, trajectory, windows, weights)
     for entry, checkpoint in zip(report["windows"], checkpoints):
         entry["wall_s"] = checkpoint.wall_s
     steps = sum(w.sim_steps for w in windows)

@@ -73,8 +73,13 @@ class Run:
 
     @property
     def name(self) -> str:
-        """Clip and body."""
-        return f"{self.record['identity']['clip']} on {self.body.name}"
+        """Clip and body, and what it holds."""
+        identity = self.record["identity"]
+        name = f"{identity['clip']} on {self.body.name}"
+        if identity.get("hold") is None:
+            return name
+        hand = "each hand" if identity["hand"] == "both" else f"the {identity['hand']} hand"
+        return f"{name}, {identity['hold']} in {hand}"
 
     @property
     def timestep(self) -> float:

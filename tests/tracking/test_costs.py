@@ -7,8 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from physique import rotations
+from physique.errors import InputError
+from physique.inputs import parse_weights
 from physique.simulation.character import Character
 from physique.simulation.hinges import HINGES
 from physique.simulation.kinematics import com_velocity, poses
@@ -177,3 +181,26 @@ def test_hessian_is_positive_semidefinite(character: Character, target: Target) 
     quadratic = model(character, target, Weights(), *moved(target, 9), 0.02)
     assert np.linalg.eigvalsh(quadratic.hessian).min() > -1e-9
     np.testing.assert_array_equal(quadratic.hessian, np.swapaxes(quadratic.hessian, -1, -2))
+
+
+@settings(deadline=None)
+@given(st.dictionaries(st.sampled_from(TERMS), st.floats(0, costs.MOST)))
+def test_weights_of_texts(changed: dict[str, float]) -> None:
+    found = parse_weights([f"{name}={value!r}" for name, value in changed.items()])
+    assert found.terms == Weights().terms | changed
+    assert np.array_equal(found.joints, costs.joint_weights())
+
+
+@pytest.mark.parametrize(
+    ("wrong", "text"),
+    [
+        ({"com": -1.0}, "weight com: found -1"),
+        ({"root": float("nan")}, "weight root: found nan"),
+        ({"pose": float("inf")}, "weight pose: found inf"),
+        ({"joints": np.ones(3)}, r"shape \(3,\); expected \(50,\)"),
+        ({"joints": -np.ones(50)}, "weight of left_hip_y: found -1"),
+    ],
+)
+def test_weights_that_cannot_be_are_refused(wrong: dict, text: str) -> None:
+    with pytest.raises(InputError, match=text):
+        Weights(**wrong)

@@ -9,7 +9,7 @@ replayed bit for bit.
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 
 from physique import skeleton
 from physique.body.capsule_body import CapsuleBody, Part
+from physique.body.held import Held, held_parts
 from physique.errors import InputError
+from physique.simulation.held import held_geoms
 from physique.simulation.hinges import AXES, HINGES
 
 Array = NDArray[np.float64]
@@ -60,14 +62,27 @@ class Character:
 
     @property
     def mass(self) -> float:
-        """Total mass, kg."""
+        """Total mass, kg, with what the body holds."""
         return float(self.model.body_subtreemass[0])
 
 
-def make_character(body: CapsuleBody, torque_limit: Array | float) -> Character:
-    """Build the model of `body` with limits of `torque_limit` (50,) or one for all, Nm."""
+def make_character(
+    body: CapsuleBody, torque_limit: Array | float, held: Held | None = None
+) -> Character:
+    """Build the model of `body` with limits of `torque_limit` (50,) or one for all, Nm.
+
+    held: what the hands hold, welded to them: no coordinate more, its mass is the hand's.
+    """
     limits = np.broadcast_to(np.asarray(torque_limit, dtype=float), (len(HINGES),)).copy()
-    return load_character(_spec(body, limits).to_xml(), body)
+    objects = held_parts(held, body) if held else {}
+    return load_character(_spec(body, limits, objects).to_xml(), body)
+
+
+def empty_handed(character: Character) -> Character:
+    """The same body without what it holds; itself where it holds nothing."""
+    if not held_geoms(character.model):
+        return character
+    return make_character(character.body, character.torque_limit)
 
 
 def load_character(xml: str, body: CapsuleBody) -> Character:
@@ -102,7 +117,8 @@ def load_character(xml: str, body: CapsuleBody) -> Character:
     )
 
 
-def _spec(body: CapsuleBody, limits: Array) -> mujoco.MjSpec:
+def _spec(body: CapsuleBody, limits: Array, objects: dict[str, Part]) -> mujoco.MjSpec:
+    """objects: by the joint of the hand that holds each."""
     spec = mujoco.MjSpec()
     spec.modelname = body.name
     spec.compiler.degree = False
@@ -143,6 +159,10 @@ def _spec(body: CapsuleBody, limits: Array) -> mujoco.MjSpec:
                 armature=ARMATURE,
             )
         _add_part(node, part, body.joints[index])
+        if name in objects:
+            _add_object(node, objects[name], body.joints[index])
+            part = _together(part, objects[name])
+        _set_inertia(node, part, body.joints[index])
     for i, j in body.excluded:
         spec.add_exclude(bodyname1=skeleton.JOINTS[i], bodyname2=skeleton.JOINTS[j])
     for hinge, limit in zip(HINGES, limits):
@@ -168,6 +188,7 @@ class Touches(enum.Enum):
     SOLE = (0, 1)  # only the floor
     LIMB = (2, 2)  # only other parts
     PART = (2, 3)  # both
+    OBJECT = (0, 3)  # both, but no other object: the normal between two boxes jumps
 
 
 def _contact(touches: Touches) -> dict[str, object]:
@@ -183,7 +204,7 @@ def _contact(touches: Touches) -> dict[str, object]:
 
 
 def _add_part(node: mujoco.MjsBody, part: Part, joint: Array) -> None:
-    """Shape and inertia of `part` on the body whose frame sits at `joint`, aligned at rest."""
+    """Shape of `part` on the body whose frame sits at `joint`, aligned at rest."""
     rgba = [0.72, 0.6, 0.52, 1.0]
     if part.name.startswith("left_"):
         rgba = [0.35, 0.55, 0.75, 1.0]
@@ -211,6 +232,33 @@ def _add_part(node: mujoco.MjsBody, part: Part, joint: Array) -> None:
             rgba=[0.0, 0.0, 0.0, 0.0],
             **_contact(Touches.LIMB),
         )
+
+
+def _add_object(node: mujoco.MjsBody, part: Part, joint: Array) -> None:
+    """A held object. MuJoCo lets no body touch itself or its parent: neither hand nor forearm."""
+    node.add_geom(
+        name=part.name,
+        type=_GEOM_TYPE[part.shape],
+        size=part.size,
+        pos=part.center - joint,
+        quat=_quaternion(part.R_world_from_part),
+        rgba=[0.42, 0.3, 0.18, 1.0],
+        **_contact(Touches.OBJECT),
+    )
+
+
+def _together(part: Part, other: Part) -> Part:
+    """`part` with the mass of both, welded: the parallel axis theorem."""
+    mass = part.mass + other.mass
+    com = (part.mass * part.com + other.mass * other.com) / mass
+    total = np.zeros((3, 3))
+    for p in (part, other):
+        d = p.com - com
+        total += p.inertia + p.mass * (d @ d * np.eye(3) - np.outer(d, d))
+    return replace(part, mass=mass, com=com, inertia=total)
+
+
+def _set_inertia(node: mujoco.MjsBody, part: Part, joint: Array) -> None:
     node.explicitinertial = True
     node.mass = part.mass
     node.ipos = part.com - joint

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physique.simulation.character import Character
+from physique.simulation.held import held_geoms
 from physique.simulation.state import integrate
 
 Array = NDArray[np.float64]
@@ -25,8 +26,9 @@ def start_state(
     """The state nearest to q (57,), v (56,) that a simulation can start in; standing (2,) feet.
 
     Parts of the body that overlap in the mocap pose are turned apart by the least change of joint
-    angles, then the body is lifted out of the floor; feet that should stand get no velocity, by
-    the change of velocity that needs least kinetic energy.
+    angles, and so is a held object from the body and the floor; then the body is lifted out of the
+    floor. Feet that should stand get no velocity, by the change of velocity that needs least
+    kinetic energy.
     """
     q = separate(character, q)
     q[2] += max(0.0, -lowest_contact(character, q))
@@ -34,8 +36,10 @@ def start_state(
 
 
 def separate(character: Character, q: Array) -> Array:
-    """q (57,) changed in its joint angles so that no two parts overlap, as far as that goes."""
+    """q (57,) changed in its joint angles so that no two parts overlap and no held object is in the
+    floor, as far as that goes."""
     model = character.model
+    objects = {held.geom for held in held_geoms(model)}
     data = mujoco.MjData(model)
     q = q.copy()
     for _ in range(_ITERATIONS):
@@ -43,7 +47,8 @@ def separate(character: Character, q: Array) -> Array:
         data.qpos[:] = q
         mujoco.mj_fwdPosition(model, data)
         for contact in data.contact:
-            if contact.geom1 == 0 or contact.geom2 == 0 or contact.dist >= CLEARANCE:
+            stands = contact.geom1 == 0 and contact.geom2 not in objects
+            if stands or contact.dist >= CLEARANCE:
                 continue
             normal = contact.frame[:3]  # from geom1 to geom2
             rows.append(normal @ _point_jacobian_difference(model, data, contact))

@@ -6,18 +6,28 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
 
 from physique import rotations, skeleton
 from physique.motion.clip import Motion
 from physique.motion.filter import resample
 from physique.motion.kinematics import joint_positions
 from physique.simulation import kinematics, reduced
-from physique.simulation.character import Character
+from physique.simulation.carry import move_com
+from physique.simulation.character import Character, empty_handed
+from physique.simulation.held import held_geoms
+from physique.simulation.hinges import columns
 from physique.simulation.state import finite_velocity
 from physique.tracking import footing, gimbal
-from physique.tracking.costs import Target
+from physique.tracking.costs import Target, Weights
 
 Array = NDArray[np.float64]
+
+CARRY_SMOOTHING = 0.25  # s
+#: Resistance of the pelvis' place, per m2: next to none, for E does not hold it.
+_FREE = 0.01
+_FIXED = 1e4
+_ARM = ("collar", "shoulder", "elbow", "wrist")
 
 
 @dataclass(frozen=True)
@@ -74,7 +84,9 @@ def make_reference(motion: Motion, character: Character) -> Reference:
     angles = gimbal.calm(reduced.to_angles(motion.rotations, rest), timestep)
     q = np.concatenate([root, motion.rotations[:, 0], angles], axis=1)
     ankles = joint_positions(motion)[:, list(footing.ANKLES), :2]
-    q = footing.stand(character, q, motion.contacts, start + scale * (ankles - start))
+    q = footing.stand(empty_handed(character), q, motion.contacts, start + scale * (ankles - start))
+    if held_geoms(character.model):
+        q = carry(character, q)
     v = finite_velocity(q, timestep)
     pose = kinematics.poses(character, q)
     return Reference(
@@ -87,6 +99,32 @@ def make_reference(motion: Motion, character: Character) -> Reference:
         contacts=motion.contacts,
         joints=pose.joints,
     )
+
+
+def carry(character: Character, q: Array) -> Array:
+    """q (T, 57), as somebody who holds what this character holds would stand.
+
+    The performer's centre of mass is over the feet; with an object in the hand the same pose would
+    carry it to that side, for good where one stands. The pose gives way by what E (Eq. 2, with the
+    weights of section 3.1) says is best: its pose term resists, and the pelvis' turn with the
+    weight of its own term, as if that were a square too; its com term pulls the common
+    centre of mass back, horizontally. The arm that holds stays as the performer's: it would gain as
+    much by rising as by sinking. Only as fast as a person shifts weight: what an object does within
+    a swing of the arm is left to the simulation.
+    """
+    weights = Weights()
+    timestep = float(character.model.opt.timestep)
+    full = kinematics.poses(character, q).com
+    aside = (full - kinematics.poses(empty_handed(character), q).com)[:, :2]
+    aside = gaussian_filter1d(aside, CARRY_SMOOTHING / timestep, axis=0, mode="nearest")
+    resistance = np.concatenate(
+        [np.full(3, _FREE), np.full(3, weights.root), weights.pose * weights.joints]
+    )
+    for held in held_geoms(character.model):
+        side = skeleton.JOINTS[held.joint].removesuffix("_wrist")
+        for joint in _ARM:
+            resistance[6:][columns(f"{side}_{joint}")] *= _FIXED
+    return move_com(character, q, full[:, :2] - aside, resistance, weights.com)
 
 
 def hip_middle(rest_joints: Array) -> Array:
