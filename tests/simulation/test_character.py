@@ -157,11 +157,10 @@ def test_rest_pose_is_the_bodys_t_pose(character: Character) -> None:
 def test_middle_angles_stay_away_from_gimbal_lock(character: Character, clip: str) -> None:
     angles = make_reference(read_motion(clip), character).q[:, 7:]
     for joint, axes in AXES.items():
-        if len(axes) == 3:
+        # Shoulders come near it in every order of axes: theirs are led past it (`gimbal`).
+        if len(axes) == 3 and "shoulder" not in joint:
             middle = np.degrees(np.abs(angles[:, columns(joint)][:, 1]))
-            # Shoulders come near it in every order of axes: theirs may swing through.
-            limit = 90.0 if "shoulder" in joint else 75.0
-            assert np.percentile(middle, 99) < limit, joint
+            assert np.percentile(middle, 99) < 75.0, joint
 
 
 def test_angle_axes_are_the_named_ones(character: Character) -> None:
