@@ -26,8 +26,8 @@ class Poses:
     lowest: Array
 
 
-def poses(character: Character, q: Array) -> Poses:
-    """Kinematics of q (T, 57)."""
+def poses(character: Character, q: Array, heights: bool = True) -> Poses:
+    """Kinematics of q (T, 57); without `heights`, `lowest` is infinite: it takes most of the time."""
     model = character.model
     frames = len(q)
     out = Poses(
@@ -42,7 +42,8 @@ def poses(character: Character, q: Array) -> Poses:
         mujoco.mj_jacSubtreeCom(model, data, out.com_jacobian[t], pelvis)
         out.joints[t] = data.xpos[character.joint_bodies]
         out.com[t] = data.subtree_com[pelvis]
-        out.lowest[t, standing] = _lowest(model, data, standing)
+        if heights:
+            out.lowest[t, standing] = _lowest(model, data, standing)
     return out
 
 
@@ -72,7 +73,7 @@ def com_velocity(com_jacobian: Array, v: Array) -> Array:
 
 def joint_positions(character: Character, q: Array) -> Array:
     """World positions (T, 22, 3), m, of the joints at q (T, 57)."""
-    return poses(character, q).joints
+    return poses(character, q, heights=False).joints
 
 
 def _lowest(model: mujoco.MjModel, data: mujoco.MjData, geoms: NDArray[np.intp]) -> Array:

@@ -74,7 +74,7 @@ class Simulator:
 
     def com(self, q: Array) -> Array:
         """Centre of mass (3,), m, at q (57,)."""
-        return kinematics.poses(self.character, q[None]).com[0]
+        return kinematics.poses(self.character, q[None], heights=False).com[0]
 
     def linearize(
         self, q: Array, v: Array, control: Array, v_next: Array | None = None

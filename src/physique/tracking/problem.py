@@ -58,7 +58,7 @@ class Problem:
 
 def nominal_motion(problem: Problem, q: Array, v: Array, control: Array) -> Rollout:
     """States q (N + 1, 57), v (N + 1, 56) and controls (N, 50) as if they had been simulated."""
-    pose = kinematics.poses(problem.character, q)
+    pose = kinematics.poses(problem.character, q, heights=False)
     control = within_limits(problem.character, control, q[:-1], v[:-1])
     return Rollout(
         q=q,
