@@ -27,7 +27,7 @@ class Poses:
 
 
 def poses(character: Character, q: Array, heights: bool = True) -> Poses:
-    """Kinematics of q (T, 57); without `heights`, `lowest` is infinite: it takes most of the time."""
+    """Kinematics of q (T, 57); `lowest`, most of the work, is left infinite without `heights`."""
     model = character.model
     frames = len(q)
     out = Poses(
