@@ -76,9 +76,7 @@ def write_atomic(path: PathLike, data: bytes) -> None:
         ) from None
 
 
-def write_npz(
-    path: PathLike, arrays: Mapping[str, ArrayLike], *, compressed: bool = True
-) -> None:
+def write_npz(path: PathLike, arrays: Mapping[str, ArrayLike], *, compressed: bool = True) -> None:
     """Write named arrays as an npz file: atomic, and byte for byte the same for equal arrays.
 
     Raises InputError where the file cannot be written, ValueError for arrays of Python objects.

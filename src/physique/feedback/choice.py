@@ -35,6 +35,9 @@ class Options:
     lowest: float = 0.6
 
 
+DEFAULT = Options()
+
+
 @dataclass(frozen=True)
 class Choice:
     """Follow the tree from `node`, `shift` (2,) m beside it.
@@ -77,8 +80,11 @@ class Chooser:
         for probe, _, _ in running:
             probe.start(q, v)
         losses: list[float] = []
+        # What comes after the motion's end does not count.
+        left = max(self.tree.frames - 1 - clock, self._options.stages[0][0])
         for steps, keep in self._options.stages:
-            self._run(running, steps)
+            self._run(running, min(steps, left))
+            left -= min(steps, left)
             losses = [self.loss(probe, clock) for probe, _, _ in running]
             order = sorted(range(len(losses)), key=lambda i: (losses[i], i))[:keep]
             running, losses = [running[i] for i in order], [losses[i] for i in order]

@@ -104,7 +104,8 @@ def connect(
         )  # fmt: skip
         keep = end - at if end == trunk.last else options.keep
         motion_found, at = found.rollout, at + keep
-        if not np.isfinite(found.cost) or _error(simulator, trunk, motion_found.q[keep], at) > SURVIVAL_LIMIT:
+        off = _error(simulator, trunk, motion_found.q[keep], at)
+        if not np.isfinite(found.cost) or off > SURVIVAL_LIMIT:
             return None
         qs.append(motion_found.q[1 : keep + 1])
         vs.append(motion_found.v[1 : keep + 1])
@@ -155,9 +156,10 @@ def make_branch(
     control: Array,
     frame: int,
     shift: Array,
+    parent: int | None = None,
 ) -> Branch:
     """LQR along q (M + 1, 57), v (M + 1, 56) under control (M, 50), with the motion's cost-to-go
-    at its end (lines 20 to 26 of Algorithm 1)."""
+    at its end (lines 20 to 26 of Algorithm 1). parent: left out, the motion's node of that time."""
     joined = min(frame + len(control), trunk.last)
     gains = lqr.stabilize(
         simulator.character, simulator, q, v, control, end=trunk.cost_to_go[joined]
@@ -171,7 +173,7 @@ def make_branch(
         com_velocity=kinematics.com_velocity(pose.com_jacobian, v[:-1]),
         gains=gains.target[::STRIDE].astype(GAIN_TYPE),
         shift=shift,
-        parent=joined,
+        parent=joined if parent is None else parent,
         frame=frame,
     )
 

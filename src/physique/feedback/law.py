@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -42,3 +44,25 @@ class Follower:
                 self.shift = self.shift + tree.shift[node]
             self.node = parent
         return self._servo.within_limits(targets, q, v)
+
+
+@dataclass(frozen=True)
+class Path:
+    """Nodes (n,) on the way to the root, and how far (n, 2), m, beside each the body goes."""
+
+    nodes: NDArray[np.int64]
+    shift: Array
+
+
+def path(tree: Tree, node: int, steps: int) -> Path:
+    """The first `steps` nodes from `node` towards the root."""
+    nodes, shifts, shift = [], [], np.zeros(2)
+    for _ in range(steps):
+        nodes.append(node)
+        shifts.append(shift)
+        parent = int(tree.parent[node])
+        if parent >= 0:
+            if tree.branch[parent] != tree.branch[node]:
+                shift = shift + tree.shift[node]
+            node = parent
+    return Path(np.array(nodes), np.array(shifts))

@@ -157,6 +157,4 @@ def target_gains(character: Character, A: Array, B: Array, L: Array) -> Array:
     nv = A.shape[1] // 2
     ahead = A + B @ L
     lag = (character.damping / character.stiffness)[:, None]
-    return np.asarray(
-        ahead[:, 6:nv] + L / character.stiffness[:, None] + lag * ahead[:, nv + 6 :]
-    )
+    return np.asarray(ahead[:, 6:nv] + L / character.stiffness[:, None] + lag * ahead[:, nv + 6 :])

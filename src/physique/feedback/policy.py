@@ -1,10 +1,10 @@
 """The controller that other programs run: one file, NumPy and MuJoCo, no compiler.
 
-    policy = load_policy("out/punch/policy.npz")
-    policy.reset()
-    while policy.time < policy.seconds:
-        data.ctrl[:] = policy.act(data.qpos, data.qvel)
-        mujoco.mj_step(model, data)
+policy = load_policy("out/punch/policy.npz")
+policy.reset()
+while policy.time < policy.seconds:
+    data.ctrl[:] = policy.act(data.qpos, data.qvel)
+    mujoco.mj_step(model, data)
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physique.errors import InputError
-from physique.feedback.choice import Choice, Chooser, Options
+from physique.feedback.choice import DEFAULT, Choice, Chooser, Options
 from physique.feedback.law import Follower
 from physique.feedback.tree import Tree, read_policy
 from physique.simulation.closed_loop import Servo
@@ -51,7 +51,7 @@ class Policy:
         tree: Tree,
         controller: ControllerName = "lqr",
         control: ControlName = "targets",
-        options: Options = Options(),
+        options: Options = DEFAULT,
         threads: int = 2,
     ) -> None:
         self.model_xml, self.tree, self.controller, self.control = xml, tree, controller, control
@@ -115,9 +115,7 @@ class Policy:
         if self._chooser is not None and self._should_decide(q, v):
             now = self._follower.node, self._follower.shift
             self._ahead = self._chooser.choose(q, v, self._clock, now)
-            self._follower = Follower(
-                self._servo, self.tree, self._ahead.node, self._ahead.shift
-            )
+            self._follower = Follower(self._servo, self.tree, self._ahead.node, self._ahead.shift)
             self._since = 0
             self.decisions += 1
         targets = self._follower(q, v)

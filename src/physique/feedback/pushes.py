@@ -54,7 +54,9 @@ def random_pushes(
         part = int(rng.integers(22))
         direction = rng.normal(size=3)
         force = impulse / (steps * timestep) * direction / np.linalg.norm(direction)
-        out.append(Push(part, tuple(force.tolist()), int(rng.integers(start[0], start[1] + 1)), steps))
+        out.append(
+            Push(part, tuple(force.tolist()), int(rng.integers(start[0], start[1] + 1)), steps)
+        )
     return out
 
 
@@ -100,7 +102,7 @@ def body_error(joints: Array, wanted: Array) -> float:
 
 
 def recovery_time(joints: Array, wanted: Array, timestep: float) -> float | None:
-    """s until the pose (T, 22, 3) is the wanted one for good, wherever on the floor the pelvis is."""
+    """s until the pose (T, 22, 3) is the wanted one for good, wherever on the floor it is."""
     beside = (joints - wanted)[:, :1] * np.array([1.0, 1.0, 0.0])
     off = np.linalg.norm(joints - wanted - beside, axis=2).mean(axis=1) > RECOVERY_LIMIT
     if off[-1]:

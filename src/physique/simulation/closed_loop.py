@@ -85,7 +85,8 @@ def motor_model(xml: str) -> mujoco.MjModel:
 class Probe:
     """One simulation that is rolled out a stretch at a time, to see where a controller leads.
 
-    q, v, com, com_velocity: its states so far, (t + 1, .); `fallen` once it blew up or was given up.
+    q, v, com, com_velocity: its states so far, (t + 1, .); `fallen` once it blew up or
+    was given up.
     """
 
     def __init__(self, model: mujoco.MjModel) -> None:
