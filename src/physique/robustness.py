@@ -111,6 +111,7 @@ def tree_report(grown: growth.Growth, settings: Settings) -> dict[str, Any]:
         "failed": sum(d.failed for d in total),
         "sim_steps": sum(d.steps for d in total),
         "seconds": sum(d.seconds for d in total),
+        "cpu_seconds": sum(d.cpu for d in total),
     }
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physique.feedback import lqr
+from physique.feedback.law import BOUND
 from physique.feedback.pushes import SURVIVAL_LIMIT
 from physique.feedback.recovery import recovery_target
 from physique.feedback.tree import GAIN_TYPE, STRIDE, Branch
@@ -135,7 +136,7 @@ def takeover(
     about = trunk.q[part].copy()
     about[:, :2] += shift
     follow = Feedback(
-        simulator.character, about, trunk.v[part], trunk.control[part], trunk.gains[part]
+        simulator.character, about, trunk.v[part], trunk.control[part], trunk.gains[part], BOUND
     )
     motion = simulator.run(q, v, steps, [follow])[0]
     if motion.diverged:

@@ -8,6 +8,7 @@ on how many processes work or when they were stopped.
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -80,12 +81,13 @@ class Round:
 class Attempt:
     """What came of a trial: the tree stood it, or a branch leads it back, or neither.
 
-    steps: that were simulated.
+    steps: that were simulated. cpu: s of processor time.
     """
 
     covered: bool
     branch: Branch | None
     steps: int
+    cpu: float
 
 
 def plan(settings: Settings, frames: int, timestep: float) -> list[Round]:
@@ -125,6 +127,7 @@ class Grower:
     def attempt(self, round_: Round, number: int) -> Attempt:
         """Trial `number` (lines 13 to 26)."""
         rng = np.random.default_rng([self._settings.seed, number])
+        clock = time.process_time()
         before = self._simulator.steps + self._chooser.steps
         q, v, at, pushed = self._perturb(rng, round_)
         covered = True
@@ -136,7 +139,7 @@ class Grower:
             if not covered:
                 branch = self._connect(q, v, at, rng)
         steps = self._simulator.steps + self._chooser.steps - before + pushed
-        return Attempt(covered, branch, steps)
+        return Attempt(covered, branch, steps, time.process_time() - clock)
 
     def _perturb(self, rng: np.random.Generator, round_: Round) -> tuple[Array, Array, int, int]:
         """x^p: the state after a push of half to all of the force, under the motion's LQR."""

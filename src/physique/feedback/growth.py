@@ -67,13 +67,14 @@ class Job:
 @dataclass(frozen=True)
 class Done:
     """A finished round: how many trials the tree stood, how many nothing led back, the branches of
-    the others, and the price."""
+    the others, and the price: simulated steps, wall time and processor time, s."""
 
     covered: int
     failed: int
     branches: tuple[Branch, ...]
     steps: int
     seconds: float
+    cpu: float
 
 
 @dataclass(frozen=True)
@@ -132,6 +133,7 @@ def grow(
                 branches=tuple(r.branch for r in results if r.branch is not None),
                 steps=sum(r.steps for r in results),
                 seconds=seconds,
+                cpu=sum(r.cpu for r in results),
             )
             _save(job, round_, found)
             done[round_.index] = found
@@ -263,6 +265,7 @@ def _save(job: Job, round_: Round, done: Done) -> None:
         "failed": done.failed,
         "steps": done.steps,
         "seconds": done.seconds,
+        "cpu": done.cpu,
         "branches": [{"parent": b.parent, "frame": b.frame} for b in done.branches],
     }
     arrays = {"facts": np.array(json.dumps(facts))}
@@ -287,7 +290,8 @@ def _load(job: Job, index: int) -> Done:
         )
         ours = facts["growth"] == job.fingerprint and facts["round"] == index
         found = Done(
-            facts["covered"], facts["failed"], branches, facts["steps"], facts["seconds"]
+            facts["covered"], facts["failed"], branches, facts["steps"], facts["seconds"],
+            facts["cpu"],
         )  # fmt: skip
     except (KeyError, TypeError, ValueError) as fault:
         raise InputError(

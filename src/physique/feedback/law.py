@@ -12,6 +12,10 @@ from physique.simulation.closed_loop import Servo
 
 Array = NDArray[np.float64]
 
+#: Feedback that would move a target further than this, rad, is scaled down as a whole: far from
+#: where it was linearised, the law would throw the body about. Chosen by survival (docs).
+BOUND = 0.3
+
 
 class Follower:
     """A place in the tree, and the way from there to the root.
@@ -37,7 +41,9 @@ class Follower:
             self._q[:2] += self.shift
             self._servo.difference(self._q, tree.v[node], q, v, self._away)
             gain = tree.gains[tree.gain[node]].astype(np.float32)
-            targets = targets + gain @ self._away.astype(np.float32)
+            wanted = gain @ self._away.astype(np.float32)
+            most = float(np.abs(wanted).max())
+            targets = targets + (wanted if most <= BOUND else wanted * (BOUND / most))
         parent = int(tree.parent[node])
         if parent >= 0:
             if tree.branch[parent] != tree.branch[node]:
