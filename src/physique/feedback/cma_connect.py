@@ -15,7 +15,7 @@ from scipy.interpolate import BSpline
 
 from physique.feedback.choice import distance, features
 from physique.feedback.connect import Trunk, make_branch
-from physique.feedback.law import path
+from physique.feedback.law import BOUND, path
 from physique.feedback.tree import Branch, Tree
 from physique.simulation import kinematics
 from physique.simulation.rollout import Feedback, Rollout
@@ -73,6 +73,7 @@ def connect(
             np.concatenate([np.repeat(v[None], steps, axis=0), about_v]),
             np.concatenate([matrix @ knots, follow_control]),
             np.concatenate([lead, follow_gains]),
+            BOUND,
         )
 
     def loss(motion: Rollout) -> float:

@@ -20,6 +20,7 @@ from physique.errors import InputError
 from physique.feedback import cma_connect, connect
 from physique.feedback.choice import DEFAULT, Chooser
 from physique.feedback.connect import Trunk
+from physique.feedback.law import BOUND
 from physique.feedback.pushes import random_pushes
 from physique.feedback.tree import Branch, Tree, grown, trunk
 from physique.simulation.closed_loop import Servo
@@ -116,7 +117,9 @@ class Grower:
         self._root = trunk(
             motion.q, motion.v, motion.control, motion.com, motion.com_velocity, motion.gains
         )
-        self._law = Feedback(simulator.character, motion.q, motion.v, motion.control, motion.gains)
+        self._law = Feedback(
+            simulator.character, motion.q, motion.v, motion.control, motion.gains, BOUND
+        )
         self.meet([])
 
     def meet(self, branches: Sequence[Branch]) -> None:
