@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from physique.feedback import lqr
 from physique.feedback.connect import Trunk
 from physique.run import Run
-from physique.simulation.closed_loop import Servo, motor_model
 from physique.simulation.simulator import Simulator
 from physique.simulation.state import difference, integrate
 
@@ -64,36 +63,30 @@ def test_a_long_horizon_is_the_algebraic_riccati_equation() -> None:
     assert np.abs(np.linalg.eigvals(A[0] + B[0] @ L[0])).max() < 1
 
 
-def test_torque_derivatives_are_those_of_the_motor_model(run: Run) -> None:
-    """A and B of Eq. 12 by central differences of plain MuJoCo steps under held torques."""
+def test_the_closed_loop_is_that_of_the_simulator(run: Run) -> None:
+    """A + B L by torques, against central differences of MuJoCo steps under the target gains."""
     character, motion = run.character(), run.trajectory
-    model = motor_model(character.xml)
-    servo = Servo(character.xml)
     t = 20
     q, v, u = motion.q[t], motion.v[t], motion.control[t]
-    torque = servo.torques(u, q, v)
-    data = mujoco.MjData(model)
-
-    def step(dx: np.ndarray, du: np.ndarray) -> np.ndarray:
-        mujoco.mj_resetData(model, data)
-        data.qpos[:], data.qvel[:] = integrate(q, dx[:56]), v + dx[56:]
-        data.ctrl[:] = torque + du
-        mujoco.mj_step(model, data)
-        return np.concatenate([difference(motion.q[t + 1], data.qpos), data.qvel - motion.v[t + 1]])
-
-    nothing = np.zeros(162)
-    # The torques replay the step of the position servos.
-    assert np.abs(step(nothing[:112], nothing[112:])).max() < 1e-8
     with Simulator(character, 1) as simulator:
         linear = simulator.linearize(q[None], v[None], u[None], motion.v[t + 1][None])
     A, B = lqr.torque_system(character, linear)
-    AB = np.concatenate([A[0], B[0]], axis=1)
-    size = np.concatenate([np.full(112, 1e-6), np.full(50, 1e-4)])
-    for i in range(162):
-        move = nothing.copy()
-        move[i] = size[i]
-        column = (step(move[:112], move[112:]) - step(-move[:112], -move[112:])) / (2 * size[i])
-        assert np.linalg.norm(AB[:, i] - column) < 1e-2 * max(1.0, np.linalg.norm(column)), i
+    L = lqr.riccati(A, B, *lqr.cost_matrices(character, motion.q[t : t + 2], lqr.Weights()))[0]
+    U = lqr.target_gains(character, A, B, L)[0]
+    data = mujoco.MjData(character.model)
+
+    def step(dx: np.ndarray) -> np.ndarray:
+        mujoco.mj_resetData(character.model, data)
+        data.qpos[:], data.qvel[:] = integrate(q, dx[:56]), v + dx[56:]
+        data.ctrl[:] = u + U @ dx
+        mujoco.mj_step(character.model, data)
+        return np.concatenate([difference(motion.q[t + 1], data.qpos), data.qvel - motion.v[t + 1]])
+
+    closed = A[0] + B[0] @ L[0]
+    for i in range(112):
+        dx = 1e-6 * np.eye(112)[i]
+        column = (step(dx) - step(-dx)) / 2e-6
+        assert np.linalg.norm(closed[:, i] - column) < 2e-2 * max(1.0, np.linalg.norm(column)), i
 
 
 def test_both_forms_of_the_gains_have_the_same_closed_loop(run: Run) -> None:

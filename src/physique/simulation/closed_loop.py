@@ -58,27 +58,38 @@ class Servo:
         return np.asarray(center + np.clip(targets - center, -self._reach, self._reach))
 
     def torques(self, targets: Array, q: Array, v: Array) -> Array:
-        """Torques (50,), Nm, that held over a step do what the position targets do.
+        """Motor torques (50,), Nm, that do on `motor_model` nearly what the targets do here.
 
-        The implicit PD controller exerts kp (target - angle') - kd rate' of the state that the step
-        leads to, found by one simulated step ("stable PD", Tan, Liu and Turk 2011); a joint at its
-        limit exerts that.
+        For the implicit PD controller that is kp (target - angle - h rate) - kd rate. At its limit
+        a joint exerts just that, and the motor has its own inertia to move besides, known from one
+        simulated step.
         """
         data = self._data
         mujoco.mj_resetData(self.model, data)
         data.qpos[:], data.qvel[:], data.ctrl[:] = q, v, targets
-        mujoco.mj_step(self.model, data)
-        ahead = self._kp * (targets - data.qpos[7:]) - self._kd * data.qvel[6:]
+        mujoco.mj_forward(self.model, data)
+        h = self.timestep
+        free = self._kp * (targets - q[7:] - h * v[6:]) - self._kd * v[6:]
+        inertia = h * self._kd + h * h * self._kp
         full = np.abs(data.actuator_force) >= self._limit * (1.0 - 1e-9)
-        return np.where(full, data.actuator_force, ahead)
+        return np.where(full, data.actuator_force + inertia * data.qacc[6:], free)
 
 
 def motor_model(xml: str) -> mujoco.MjModel:
-    """The character with motors in place of position servos: data.ctrl is torque, Nm."""
+    """The character with motors in place of position servos: data.ctrl is torque, Nm.
+
+    Its joints have the inertia h kd + h^2 kp (0.08 kg m2) of the implicit PD controller as further
+    armature: without contact both models are the same equations. With contact they nearly are:
+    under `integrator="discrete"` the softness of a contact depends on the actuators' gains.
+    """
     model = mujoco.MjModel.from_xml_string(xml)
+    h = model.opt.timestep
+    kp, kd = model.actuator_gainprm[:, 0].copy(), -model.actuator_biasprm[:, 2]
+    model.dof_armature[6:] += h * kd + h * h * kp
     model.actuator_gainprm[:, 0] = 1.0
     model.actuator_biasprm[:] = 0.0
     model.actuator_biastype[:] = mujoco.mjtBias.mjBIAS_NONE
+    model.actuator_forcelimited[:] = 0
     return model
 
 
