@@ -6,7 +6,7 @@ import math
 import os
 import shutil
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, get_args
 
@@ -102,7 +102,7 @@ def tree_report(grown: growth.Growth, settings: Settings) -> dict[str, Any]:
         entry["nodes"] += sum(len(b.q) for b in done.branches)
     total = [done for _, done in grown.rounds]
     return {
-        "settings": settings,
+        "settings": asdict(settings),
         "subtrees": list(subtrees.values()),
         "perturbed_states": grown.tree.branches,
         "nodes": len(grown.tree.q) - grown.tree.frames,
