@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 #: A body that is further off, on average over its joints, no longer performs the motion.
 SURVIVAL_LIMIT = 0.5  # m
 #: It has recovered once its pose stays this near, wherever it stands.
-RECOVERY_LIMIT = 0.1  # m
+RECOVERY_LIMIT = 0.05  # m
 
 
 @dataclass(frozen=True)
