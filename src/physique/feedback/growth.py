@@ -11,6 +11,8 @@ import hashlib
 import json
 import logging
 import multiprocessing
+import os
+import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -200,10 +202,19 @@ _worker: _Worker | None = None
 
 def _begin(job: Job) -> None:
     global _worker
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     # MuJoCo's messages go for good: this process does nothing else.
     silence = quiet()
     silence.__enter__()
     _worker = _Worker(job)
+
+
+def _end_with_parent() -> None:
+    """A parent that is killed cannot tell its processes to stop."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 def _attempt(round_: Round, number: int) -> Attempt:
