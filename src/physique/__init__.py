@@ -14,10 +14,12 @@ if TYPE_CHECKING:
     from physique.body.named import named_body
     from physique.errors import InputError
     from physique.exporting import export_run
+    from physique.feedback.policy import Policy, load_policy
     from physique.motion.clip import Motion
     from physique.motion.library import list_clips
     from physique.motion.read import read_motion
     from physique.pipeline import Progress, export_bvh, retarget
+    from physique.robustness import PushReport, grow_tree, push, stabilize
     from physique.run import Run, load_run
     from physique.simulation.character import Character, make_character
     from physique.simulation.held import HeldGeom, held_geoms
@@ -36,7 +38,9 @@ __all__ = [
     "HeldGeom",
     "InputError",
     "Motion",
+    "Policy",
     "Progress",
+    "PushReport",
     "Reference",
     "Run",
     "Trajectory",
@@ -44,18 +48,22 @@ __all__ = [
     "capsule_body",
     "export_bvh",
     "export_run",
+    "grow_tree",
     "held_geoms",
     "list_clips",
     "load_body",
+    "load_policy",
     "load_run",
     "make_body",
     "make_character",
     "make_reference",
     "named_body",
     "parse_held",
+    "push",
     "read_motion",
     "retarget",
     "save_body",
+    "stabilize",
     "start_state",
     "torque_limits",
     "write_report",
@@ -69,10 +77,12 @@ _HOME = {
     "physique.body.named": ("named_body",),
     "physique.errors": ("InputError",),
     "physique.exporting": ("export_run",),
+    "physique.feedback.policy": ("Policy", "load_policy"),
     "physique.motion.clip": ("Motion",),
     "physique.motion.library": ("list_clips",),
     "physique.motion.read": ("read_motion",),
     "physique.pipeline": ("Progress", "export_bvh", "retarget"),
+    "physique.robustness": ("PushReport", "grow_tree", "push", "stabilize"),
     "physique.run": ("Run", "load_run"),
     "physique.simulation.character": ("Character", "make_character"),
     "physique.simulation.strength": ("torque_limits",),

@@ -260,7 +260,115 @@ class View:
             view(self.runs, host=self.host, port=self.port, told=console.say)
 
 
-Command = Bodies | Clips | Body | Retarget | Export | Report | View | Demo
+@dataclass(frozen=True)
+class Stabilize:
+    """Add feedback to a run: policy.npz, LQR along its motion.
+
+    Args:
+        run_folder: the folder of a finished run
+        weights: default survives most; paper is section 4.1
+    """
+
+    run_folder: Annotated[Positional[Path], arg(metavar="RUN")]
+    weights: Literal["default", "paper"] = "default"
+
+    def run(self) -> None:
+        """Stabilise and say where the policy is."""
+        from physique import robustness, run
+
+        robustness.stabilize(self.run_folder, self.weights)
+        console.show_files([self.run_folder / run.POLICY])
+
+
+@dataclass(frozen=True)
+class Grow:
+    """Grow a tree of feedback controllers about a run's motion, into its policy.npz.
+
+    Args:
+        run_folder: the folder of a finished run
+        interval: seconds between subtrees
+        forces: greatest force of each turn of random pushes of 0.1 s, newtons, with commas
+        trials: pushes of each force at each subtree
+        workers: processes; they do not change the tree
+        seed: of the pushes
+        connector: fast uses derivatives of the simulator; paper is CMA as published, and slow
+        resume: go on with a growth that was stopped
+    """
+
+    run_folder: Annotated[Positional[Path], arg(metavar="RUN")]
+    interval: Annotated[float, arg(metavar="SECONDS")] = 0.1
+    forces: Annotated[str, arg(metavar="N,N,N")] = "150,300,500"
+    trials: Annotated[int, arg(metavar="COUNT")] = 8
+    workers: Annotated[int | None, arg(metavar="COUNT")] = None
+    seed: int = 0
+    connector: Literal["fast", "paper"] = "fast"
+    resume: bool = False
+
+    def run(self) -> None:
+        """Grow it and show what it is like."""
+        from physique import robustness
+        from physique.feedback.grow import Settings
+
+        settings = Settings(
+            self.interval, _numbers("--forces", self.forces), self.trials, self.seed,
+            self.connector,
+        )  # fmt: skip
+        with console.growth(str(self.run_folder)) as report:
+            tree = robustness.grow_tree(
+                self.run_folder, settings, workers=self.workers, resume=self.resume, progress=report
+            )
+        console.show_tree(tree)
+
+
+@dataclass(frozen=True)
+class Push:
+    """Push a run's character at random, and count how often it keeps performing the motion.
+
+    Args:
+        run_folder: the folder of a stabilised run
+        impulse: of each push, newton seconds
+        duration: of each push, seconds
+        trials: pushes, one a trial
+        seed: of the pushes
+        controller: pd has no feedback, lqr follows the motion, tree looks for the best node
+        from_: earliest time of a push, seconds; the motion's beginning if left out
+        to: latest time of a push, seconds; 1.5 s before the motion's end if left out
+        json: print JSON instead of a table
+    """
+
+    run_folder: Annotated[Positional[Path], arg(metavar="RUN")]
+    impulse: Annotated[float, arg(metavar="NS")]
+    duration: Annotated[float, arg(metavar="SECONDS")] = 0.1
+    trials: Annotated[int, arg(metavar="COUNT")] = 100
+    seed: int = 0
+    controller: Literal["pd", "lqr", "tree"] | None = None
+    from_: Annotated[float | None, arg(metavar="SECONDS", name="from")] = None
+    to: Annotated[float | None, arg(metavar="SECONDS")] = None
+    json: bool = False
+
+    def run(self) -> None:
+        """Push it and show how it stood that."""
+        from physique import robustness
+
+        with console.counting(f"pushing {self.run_folder}", self.trials) as on_trial:
+            report, _ = robustness.push(
+                self.run_folder, self.impulse, duration=self.duration, trials=self.trials,
+                seed=self.seed, controller=self.controller, start=self.from_, end=self.to,
+                on_trial=on_trial,
+            )  # fmt: skip
+        console.show_pushes(report, self.json)
+
+
+def _numbers(option: str, text: str) -> tuple[float, ...]:
+    try:
+        return tuple(float(part) for part in text.split(","))
+    except ValueError:
+        raise InputError(
+            option, repr(text), "numbers with commas between them", "write for instance 50,100,150"
+        ) from None
+
+
+Command = Bodies | Clips | Body | Retarget | Export | Report | View | Stabilize | Grow | Push | Demo
 
 
 def parse(arguments: list[str] | None = None) -> Command:
@@ -291,7 +399,7 @@ def main(arguments: list[str] | None = None) -> None:
         console.fail(str(fault))
         sys.exit(2)
     except KeyboardInterrupt:
-        console.fail("stopped; `physique retarget` with the same options and --resume goes on")
+        console.fail("stopped; `retarget` and `grow` go on with the same options and --resume")
         sys.exit(130)
     except BrokenPipeError:
         # The reader of a pipe (head, less) has seen enough.

@@ -11,7 +11,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rich import box
 from rich.console import Console
@@ -23,7 +23,10 @@ from physique.errors import InputError
 
 if TYPE_CHECKING:
     from physique.body.describe import BodyFacts
+    from physique.feedback.growth import Progress as Grown
+    from physique.feedback.pushes import Trial
     from physique.pipeline import Progress as Step
+    from physique.robustness import PushReport
     from physique.run import Run
 
 
@@ -127,6 +130,92 @@ def show_files(paths: Sequence[Path]) -> None:
     """Print where results are."""
     for path in paths:
         sys.stdout.write(f"{path}\n")
+
+
+def show_tree(tree: dict[str, Any]) -> None:
+    """Print the subtrees of a tree, from the motion's end on, and what growing took."""
+    names = ("timestep", "trials", "covered", "perturbed_states", "nodes", "failed")
+    rows = [tuple(str(subtree[name]) for name in names) for subtree in tree["subtrees"]]
+    rows.append(("all", *(str(tree[name]) for name in names[1:])))
+    table(tuple(name.replace("_", " ") for name in names), rows)
+    sys.stdout.write(f"{tree['sim_steps']:,} simulated steps, {tree['seconds']:.0f} s\n")
+
+
+def show_pushes(report: PushReport, as_json: bool) -> None:
+    """Print how a controller stood pushes, as a table or as JSON."""
+    if as_json:
+        sys.stdout.write(json.dumps(dataclasses.asdict(report), indent=2) + "\n")
+        return
+    recovery, decision = report.median_recovery_s, report.decision_ms
+    rows = [
+        ("impulse", f"{report.impulse_ns:g} Ns, {report.delta_v:.2f} m/s"),
+        ("survived", f"{report.survived} of {report.trials} ({report.survival:.0%})"),
+        ("recovery, median", "none" if recovery is None else f"{recovery:.2f} s"),
+        (
+            "online decision, median and worst",
+            f"{decision['median']:.0f} and {decision['worst']:.0f} ms" if decision else "none",
+        ),
+        ("seconds of motion a second", f"{report.realtime_factor:.1f}"),
+    ]
+    table(("", ""), rows)
+
+
+@contextmanager
+def counting(title: str, total: int) -> Iterator[Callable[[int, Trial], None]]:
+    """A progress bar on stderr of trials, and how many were survived; none where no terminal is."""
+    screen = Console(stderr=True)
+    bar = Progress(
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        TextColumn("{task.completed} of {task.total}, {task.fields[survived]} survived"),
+        TimeElapsedColumn(),
+        console=screen,
+        transient=True,
+        redirect_stdout=False,
+        disable=not screen.is_terminal,
+    )
+    survived = 0
+    with bar:
+        task = bar.add_task(title, total=total, survived=0)
+
+        def report(done: int, trial: Trial) -> None:
+            nonlocal survived
+            survived += trial.survived
+            bar.update(task, completed=done, survived=survived)
+
+        yield report
+
+
+@contextmanager
+def growth(title: str) -> Iterator[Callable[[Grown], None]]:
+    """A progress bar on stderr of a growing tree; where that is no terminal, a line a tenth."""
+    screen = Console(stderr=True)
+    bar = Progress(
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        TextColumn("{task.fields[state]}", markup=False),
+        TimeElapsedColumn(),
+        console=screen,
+        transient=True,
+        redirect_stdout=False,
+        disable=not screen.is_terminal,
+    )
+    with bar:
+        task = bar.add_task(title, total=None, state="starting")
+        told: set[int] = set()
+
+        def report(step: Grown) -> None:
+            state = (
+                f"{step.coverage:.0%} covered, {step.states} perturbed states, {step.nodes} nodes, "
+                f"{step.seconds_left:.0f} s left"
+            )
+            bar.update(task, total=step.total, completed=step.done, state=state)
+            tenth = 10 * step.done // step.total
+            if not screen.is_terminal and tenth not in told:
+                told.add(tenth)
+                sys.stderr.write(f"{title}: {state}\n")
+
+        yield report
 
 
 @contextmanager

@@ -41,8 +41,9 @@ log = logging.getLogger(__name__)
 FORMAT = "physique-run-1"
 RECORD, METRICS, TRAJECTORY = "run.json", "metrics.json", "trajectory.npz"
 CHARACTER, BODY, BVH, WINDOWS = "character.xml", "body.npz", "motion.bvh", "windows"
+POLICY, TREE, TREE_ROUNDS = "policy.npz", "tree.json", "tree"
 #: What a run owns in its folder; everything else is left alone.
-NAMES = (RECORD, METRICS, TRAJECTORY, CHARACTER, BODY, BVH, WINDOWS)
+NAMES = (RECORD, METRICS, TRAJECTORY, CHARACTER, BODY, BVH, WINDOWS, POLICY, TREE, TREE_ROUNDS)
 
 _ARRAYS = ("q", "v", "control", "torque", "shift", "tail_q", "tail_v", "tail_control")
 _NUMBERS = ("start", "stop", "cost", "iterations", "sim_steps", "status", "terms")

@@ -76,19 +76,20 @@ def write_atomic(path: PathLike, data: bytes) -> None:
         ) from None
 
 
-def write_npz(path: PathLike, arrays: Mapping[str, ArrayLike]) -> None:
-    """Write named arrays as a compressed npz: atomic, and byte for byte the same for equal arrays.
+def write_npz(path: PathLike, arrays: Mapping[str, ArrayLike], *, compressed: bool = True) -> None:
+    """Write named arrays as an npz file: atomic, and byte for byte the same for equal arrays.
 
     Raises InputError where the file cannot be written, ValueError for arrays of Python objects.
     """
     buffer = io.BytesIO()
+    method = zipfile.ZIP_DEFLATED if compressed else zipfile.ZIP_STORED
     with zipfile.ZipFile(buffer, "w") as archive:
         for name in sorted(arrays):
             member = io.BytesIO()
             npy_format.write_array(member, np.asanyarray(arrays[name]), allow_pickle=False)
             entry = zipfile.ZipInfo(f"{name}.npy", date_time=_DATE)
             entry.create_system = 3  # the same bytes on Windows as elsewhere
-            archive.writestr(entry, member.getbuffer(), zipfile.ZIP_DEFLATED, compresslevel=6)
+            archive.writestr(entry, member.getbuffer(), method, compresslevel=6)
     write_atomic(path, buffer.getvalue())
 
 

@@ -68,9 +68,19 @@ class Feedback:
     """The controller u(t, x) = control + gain (x - x0), kept `within_limits`.
 
     About states q (T, 57), v (T, 56) of a motion; control (N, 50) rad, gain (N, 50, 112), N < T.
+    bound: rad; feedback that would move a target further is scaled down as a whole.
     """
 
-    def __init__(self, character: Character, q: Array, v: Array, control: Array, gain: Array):
+    def __init__(
+        self,
+        character: Character,
+        q: Array,
+        v: Array,
+        control: Array,
+        gain: Array,
+        bound: float = np.inf,
+    ):
+        self._bound = bound
         self._about = (q, v, control, np.ascontiguousarray(gain))
         self._lag = character.damping / character.stiffness
         self._reach = usable_limit(character) / character.stiffness
@@ -78,7 +88,7 @@ class Feedback:
     def __call__(self, t: int, q: Array, v: Array) -> Array:
         """Targets (50,) at step t in the state q (57,), v (56,)."""
         out = np.empty(len(self._lag))
-        _targets(out, t, q, v, *self._about, self._lag, self._reach)
+        _targets(out, t, q, v, *self._about, self._lag, self._reach, self._bound)
         return out
 
 
@@ -94,6 +104,7 @@ def _targets(
     gain: Array,
     lag: Array,
     reach: Array,
+    bound: float,
 ) -> None:
     nv, nu = len(v), control.shape[1]
     away = np.empty(2 * nv)
@@ -115,6 +126,12 @@ def _targets(
     for i in range(nv):
         away[nv + i] = v[i] - about_v[t, i]
     wanted = np.dot(gain[t], away)
+    most = 0.0
+    for i in range(nu):
+        most = max(most, abs(wanted[i]))
+    if most > bound:
+        for i in range(nu):
+            wanted[i] *= bound / most
     for i in range(nu):
         center = q[7 + i] + lag[i] * v[6 + i]
         offset = control[t, i] + wanted[i] - center

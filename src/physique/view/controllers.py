@@ -1,4 +1,5 @@
-"""What moves the body in the live simulation: one small protocol, and the plain replay."""
+"""What moves the body in the live simulation: one small protocol, the plain replay,
+and the policy that a run may have."""
 
 from __future__ import annotations
 
@@ -7,7 +8,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from physique.run import Run
+from physique.errors import InputError
+from physique.feedback.policy import load_policy
+from physique.run import POLICY, Run
 from physique.tracking.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -52,5 +55,20 @@ class Replay:
 
 
 def controllers_of(run: Run) -> dict[str, Controller]:
-    """What can control the run's body, by name; the best comes last."""
-    return {"replay": Replay(run.trajectory)}
+    """What can control the run's body, by name; the best comes last.
+
+    Raises InputError for a policy that is damaged, or of another motion.
+    """
+    found: dict[str, Controller] = {"replay": Replay(run.trajectory)}
+    if run.folder is None or not (path := run.folder / POLICY).is_file():
+        return found
+    found["lqr"] = policy = load_policy(path, "lqr")
+    own = run.trajectory.q
+    if policy.tree.frames != len(own) or not np.array_equal(policy.tree.q[: len(own)], own):
+        raise InputError(
+            str(path), "a policy of another motion", "the run's own",
+            f"make it anew with `physique stabilize {run.folder}`",
+        )  # fmt: skip
+    if policy.tree.branches:
+        found["tree"] = load_policy(path, "tree")
+    return found

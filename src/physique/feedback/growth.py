@@ -1,0 +1,343 @@
+"""Growing a tree on several processes, with every round kept on disk as soon as it is done.
+
+The files of the rounds are also how the processes hear of each other's branches. A round that is
+missing or damaged is made again against the same tree as before, to the same bits, and the rounds
+after it stay.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import logging
+import multiprocessing
+import os
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from physique.body.capsule_body import CapsuleBody
+from physique.errors import InputError
+from physique.feedback.connect import Trunk, make_trunk
+from physique.feedback.grow import Attempt, Grower, Round, Settings, plan
+from physique.feedback.lqr import WeightsName
+from physique.feedback.tree import Branch, Tree, grown, trunk
+from physique.simulation.character import Character, load_character
+from physique.simulation.quiet import quiet
+from physique.simulation.simulator import Simulator
+from physique.store import prepare_folder, read_npz, write_npz
+
+Array = NDArray[np.float64]
+
+log = logging.getLogger(__name__)
+
+_ATTEMPTS = 3  # at a round whose process was killed
+
+
+@dataclass(frozen=True)
+class Job:
+    """What a process needs to know: the character, the motion q (T, 57), v (T, 56) under control
+    (T - 1, 50), the weights of its LQR, the settings, and the folder of the rounds."""
+
+    xml: str
+    body: CapsuleBody
+    q: Array
+    v: Array
+    control: Array
+    weights: WeightsName
+    settings: Settings
+    folder: Path
+
+    @property
+    def fingerprint(self) -> str:
+        """What tells rounds of this growth from those of another."""
+        told = json.dumps([asdict(self.settings), self.weights, self.xml], sort_keys=True)
+        state = hashlib.sha256(told.encode())
+        for array in (self.q, self.v, self.control):
+            state.update(np.ascontiguousarray(array).tobytes())
+        return state.hexdigest()
+
+
+@dataclass(frozen=True)
+class Done:
+    """A finished round: how many trials the tree stood, how many nothing led back, the branches of
+    the others, and the price: simulated steps, wall time and processor time, s."""
+
+    covered: int
+    failed: int
+    branches: tuple[Branch, ...]
+    steps: int
+    seconds: float
+    cpu: float
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far the growth is: rounds, trials that the tree stood of the latest ones, perturbed
+    states and nodes in it, s to go."""
+
+    done: int
+    total: int
+    coverage: float
+    states: int
+    nodes: int
+    seconds_left: float
+
+
+@dataclass(frozen=True)
+class Growth:
+    """The tree, and the rounds that made it."""
+
+    tree: Tree
+    rounds: tuple[tuple[Round, Done], ...]
+
+
+def grow(
+    character: Character,
+    q: Array,
+    v: Array,
+    control: Array,
+    weights: WeightsName,
+    settings: Settings,
+    folder: Path,
+    *,
+    workers: int,
+    resume: bool,
+    progress: Callable[[Progress], None] | None = None,
+) -> Growth:
+    """Grow a tree about the motion, keeping its rounds in `folder`.
+
+    workers: processes; they do not change the tree. Raises InputError for a folder that holds
+    rounds, where `resume` is not set or they are of another growth.
+    """
+    job = Job(character.xml, character.body, q, v, control, weights, settings, folder)
+    rounds = plan(settings, len(q), float(character.model.opt.timestep))
+    done = _open(job, rounds, resume)
+    spent, made = 0.0, 0
+    with _team(job, workers) as attempt:
+        for index, round_ in enumerate(rounds):
+            if round_.index in done:
+                continue
+            clock = time.perf_counter()
+            results = attempt(round_)
+            seconds = time.perf_counter() - clock
+            found = Done(
+                covered=sum(r.covered for r in results),
+                failed=sum(not r.covered and r.branch is None for r in results),
+                branches=tuple(r.branch for r in results if r.branch is not None),
+                steps=sum(r.steps for r in results),
+                seconds=seconds,
+                cpu=sum(r.cpu for r in results),
+            )
+            _save(job, round_, found)
+            done[round_.index] = found
+            spent, made = spent + seconds, made + 1
+            if progress is not None:
+                left = spent / made * (len(rounds) - len(done))
+                progress(_progress(rounds, done, index, left))
+    with quiet(), Simulator(character, 1) as simulator:
+        motion = make_trunk(simulator, q, v, control, weights)
+    branches = [b for r in rounds for b in done[r.index].branches]
+    return Growth(grown(root(motion), branches), tuple((r, done[r.index]) for r in rounds))
+
+
+def root(motion: Trunk) -> Tree:
+    """The tree of the motion alone."""
+    return trunk(
+        motion.q, motion.v, motion.control, motion.com, motion.com_velocity, motion.gains
+    )  # fmt: skip
+
+
+def _progress(rounds: Sequence[Round], done: dict[int, Done], now: int, left: float) -> Progress:
+    lately = [rounds[i] for i in range(max(0, now - 11), now + 1) if rounds[i].index in done]
+    trials = sum(r.count for r in lately)
+    branches = [b for d in done.values() for b in d.branches]
+    return Progress(
+        done=len(done),
+        total=len(rounds),
+        coverage=sum(done[r.index].covered for r in lately) / max(1, trials),
+        states=len(branches),
+        nodes=sum(len(b.q) for b in branches),
+        seconds_left=left,
+    )
+
+
+class _Worker:
+    """One process's share: a grower, and the rounds that it has read."""
+
+    def __init__(self, job: Job) -> None:
+        self._job = job
+        self._simulator = Simulator(load_character(job.xml, job.body), 1)
+        motion = make_trunk(self._simulator, job.q, job.v, job.control, job.weights)
+        self._grower = Grower(self._simulator, motion, job.settings)
+        self._read: dict[int, tuple[Branch, ...]] = {}
+        self._met = 0
+
+    def attempt(self, round_: Round, number: int) -> Attempt:
+        """A trial of a round, against the tree of all rounds before it."""
+        if self._met != round_.index:
+            for index in range(round_.index):
+                if index not in self._read:
+                    self._read[index] = _load(self._job, index).branches
+            before = [b for i in range(round_.index) for b in self._read[i]]
+            self._grower.meet(before)
+            self._met = round_.index
+        return self._grower.attempt(round_, number)
+
+    def close(self) -> None:
+        """Stop its threads."""
+        self._simulator.close()
+
+
+_worker: _Worker | None = None
+
+
+def _begin(job: Job) -> None:
+    global _worker
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    # MuJoCo's messages go for good: this process does nothing else.
+    silence = quiet()
+    silence.__enter__()
+    _worker = _Worker(job)
+
+
+def _end_with_parent() -> None:
+    """A parent that is killed cannot tell its processes to stop."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
+
+
+def _attempt(round_: Round, number: int) -> Attempt:
+    assert _worker is not None
+    return _worker.attempt(round_, number)
+
+
+@contextmanager
+def _team(job: Job, workers: int) -> Iterator[Callable[[Round], list[Attempt]]]:
+    """What makes all trials of a round, in their order."""
+    if workers == 1:
+        with quiet():
+            alone = _Worker(job)
+            try:
+                yield lambda round_: [alone.attempt(round_, n) for n in _numbers(round_)]
+            finally:
+                alone.close()
+        return
+    pool = _pool(job, workers)
+
+    def attempt(round_: Round) -> list[Attempt]:
+        nonlocal pool
+        for left in range(_ATTEMPTS - 1, -1, -1):
+            try:
+                numbers = _numbers(round_)
+                return list(pool.map(_attempt, [round_] * len(numbers), numbers))
+            except BrokenProcessPool:
+                if left == 0:
+                    raise
+                log.warning("a process was killed; making round %d again", round_.index)
+                pool = _pool(job, workers)
+        raise AssertionError
+
+    try:
+        yield attempt
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _pool(job: Job, workers: int) -> ProcessPoolExecutor:
+    return ProcessPoolExecutor(
+        workers, multiprocessing.get_context("spawn"), initializer=_begin, initargs=(job,)
+    )
+
+
+def _numbers(round_: Round) -> list[int]:
+    return list(range(round_.first, round_.first + round_.count))
+
+
+def _path(folder: Path, index: int) -> Path:
+    return folder / f"{index:05d}.npz"
+
+
+def _save(job: Job, round_: Round, done: Done) -> None:
+    facts = {
+        "growth": job.fingerprint,
+        "round": round_.index,
+        "covered": done.covered,
+        "failed": done.failed,
+        "steps": done.steps,
+        "seconds": done.seconds,
+        "cpu": done.cpu,
+        "branches": [{"parent": b.parent, "frame": b.frame} for b in done.branches],
+    }
+    arrays = {"facts": np.array(json.dumps(facts))}
+    for number, branch in enumerate(done.branches):
+        for name in _ARRAYS:
+            arrays[f"{number}_{name}"] = getattr(branch, name)
+    write_npz(_path(job.folder, round_.index), arrays, compressed=False)
+
+
+_ARRAYS = [f.name for f in fields(Branch) if f.name not in ("parent", "frame")]
+
+
+def _load(job: Job, index: int) -> Done:
+    """A stored round. Raises InputError where it is missing, damaged or of another growth."""
+    path = _path(job.folder, index)
+    arrays = read_npz(path)
+    try:
+        facts = json.loads(str(arrays["facts"]))
+        branches = tuple(
+            Branch(**{n: arrays[f"{i}_{n}"] for n in _ARRAYS}, parent=b["parent"], frame=b["frame"])
+            for i, b in enumerate(facts["branches"])
+        )
+        ours = facts["growth"] == job.fingerprint and facts["round"] == index
+        found = Done(
+            facts["covered"], facts["failed"], branches, facts["steps"], facts["seconds"],
+            facts["cpu"],
+        )  # fmt: skip
+    except (KeyError, TypeError, ValueError) as fault:
+        raise InputError(
+            str(path), f"a round without {fault}", "a whole one", "none is needed"
+        ) from None
+    if not ours:
+        raise _ForeignError(
+            str(path), "a round of another growth", "one with the same options and motion",
+            "resume with those, or remove the folder to grow anew",
+        )  # fmt: skip
+    return found
+
+
+class _ForeignError(InputError):
+    """A round of another growth, with which none can go on."""
+
+
+def _open(job: Job, rounds: Sequence[Round], resume: bool) -> dict[int, Done]:
+    """The rounds that are done already. Damaged ones are named and made again."""
+    folder = job.folder
+    held = sorted(folder.glob("*.npz")) if folder.is_dir() else []
+    if held and not resume:
+        raise InputError(
+            str(folder), "a growth that was stopped", "none", "add --resume to go on with it, or "
+            "remove the folder",
+        )  # fmt: skip
+    prepare_folder(folder)
+    done: dict[int, Done] = {}
+    for round_ in rounds:
+        if not _path(folder, round_.index).is_file():
+            continue
+        try:
+            done[round_.index] = _load(job, round_.index)
+        except _ForeignError:
+            raise
+        except InputError as fault:
+            log.warning("%s; making that round again", fault)
+    return done

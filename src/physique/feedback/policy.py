@@ -1,0 +1,171 @@
+"""The controller that other programs run: one file, NumPy and MuJoCo, no compiler.
+
+policy = load_policy("out/punch/policy.npz")
+policy.reset()
+while policy.time < policy.seconds:
+    data.ctrl[:] = policy.act(data.qpos, data.qvel)
+    mujoco.mj_step(model, data)
+"""
+
+from __future__ import annotations
+
+from typing import Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from physique.errors import InputError
+from physique.feedback.choice import DEFAULT, Choice, Chooser, Options
+from physique.feedback.law import Follower
+from physique.feedback.tree import Tree, read_policy
+from physique.simulation.closed_loop import Servo
+from physique.store import PathLike
+
+Array = NDArray[np.float64]
+
+ControllerName = Literal["pd", "lqr", "tree"]
+ControlName = Literal["targets", "torques"]
+
+#: A state that is this far from what was foreseen, in the weights of `_gap`, was pushed.
+_SURPRISE = 0.01
+#: Steps that a decision stands at least; at most, while what it leads to is no good.
+_REST, _PATIENCE = 5, 15
+#: L of Eq. 21 from which on a way is no good.
+ZETA = 2.0
+
+
+class Policy:
+    """Feedback along a motion, with a memory of where it is in it.
+
+    controller: "pd", the nominal controls alone; "lqr", Eq. 16 along the motion; "tree", which
+    also looks for the best node to follow whenever something unforeseen happened.
+    control: what `act` gives: "targets" (50,), rad, for the position servos of the character's own
+    model, or "torques" (50,), Nm, for `motor_model`, held over a step.
+
+    model_xml: MJCF of the character. timestep: s between calls of `act`. seconds: of the motion.
+    """
+
+    def __init__(
+        self,
+        xml: str,
+        tree: Tree,
+        controller: ControllerName = "lqr",
+        control: ControlName = "targets",
+        options: Options = DEFAULT,
+        threads: int = 2,
+    ) -> None:
+        self.model_xml, self.tree, self.controller, self.control = xml, tree, controller, control
+        self._servo = Servo(xml)
+        self._chooser = (
+            Chooser(self._servo, tree, options, threads) if controller == "tree" else None
+        )
+        self.timestep = self._servo.timestep
+        self.reset()
+
+    def reset(self, frame: int = 0) -> None:
+        """Go back to the beginning of the motion, or to a frame of it."""
+        if not 0 <= frame < self.tree.frames:
+            raise InputError(
+                "frame of the policy", str(frame), f"0 to {self.tree.frames - 1}", "correct it"
+            )
+        self._clock = frame
+        self._follower = Follower(
+            self._servo, self.tree, frame, np.zeros(2), self.controller != "pd"
+        )
+        tree = self.tree
+        self._ahead = Choice(
+            frame, np.zeros(2), tree.q[frame : tree.frames], tree.v[frame : tree.frames], 0.0
+        )
+        self._since = 0
+        self.decisions = 0
+
+    @property
+    def frame(self) -> int:
+        """Frame of the motion that the next call is for."""
+        return min(self._clock, self.tree.frames - 1)
+
+    @property
+    def time(self) -> float:
+        """s since the motion began."""
+        return self._clock * self.timestep
+
+    @property
+    def seconds(self) -> float:
+        """Duration of the motion; afterwards its last frame is held."""
+        return (self.tree.frames - 1) * self.timestep
+
+    @property
+    def branch(self) -> int:
+        """Number of the branch that is followed, -1 for the motion itself."""
+        return int(self.tree.branch[self._follower.node])
+
+    @property
+    def initial_state(self) -> tuple[Array, Array]:
+        """q (57,) and v (56,) that the motion starts in."""
+        return self.tree.q[0].copy(), self.tree.v[0].copy()
+
+    @property
+    def simulated_steps(self) -> int:
+        """Steps that decisions have simulated so far."""
+        return 0 if self._chooser is None else self._chooser.steps
+
+    def act(self, q: Array, v: Array) -> Array:
+        """The control (50,) for the step from the state q (57,), v (56,); one call a step."""
+        q, v = np.asarray(q, dtype=np.float64), np.asarray(v, dtype=np.float64)
+        if self._chooser is not None and self._should_decide(q, v):
+            now = self._follower.node, self._follower.shift
+            self._ahead = self._chooser.choose(q, v, self._clock, now)
+            self._follower = Follower(self._servo, self.tree, self._ahead.node, self._ahead.shift)
+            self._since = 0
+            self.decisions += 1
+        targets = self._follower(q, v)
+        self._clock += 1
+        self._since += 1
+        return targets if self.control == "targets" else self._servo.torques(targets, q, v)
+
+    def _should_decide(self, q: Array, v: Array) -> bool:
+        ahead, now = self._ahead, self._since
+        if self.decisions and now < _REST:
+            return False
+        if now < len(ahead.q):
+            surprised = _gap(ahead.q[now], ahead.v[now], q, v) > _SURPRISE
+            return surprised or (ahead.loss > ZETA and now >= _PATIENCE)
+        return ahead.loss > 0.0 and now % _PATIENCE == 0
+
+
+def load_policy(
+    path: PathLike,
+    controller: ControllerName | None = None,
+    control: ControlName = "targets",
+    threads: int = 2,
+) -> Policy:
+    """The policy in a file; with the tree where it has one, unless `controller` says otherwise.
+
+    Raises InputError for a file that is missing, damaged or no policy, and for a controller that
+    it does not have.
+    """
+    xml, tree, _ = read_policy(path)
+    for value, names in ((controller, get_args(ControllerName)), (control, get_args(ControlName))):
+        if value is not None and value not in names:
+            raise InputError("policy option", repr(value), ", ".join(names), "choose one of them")
+    if controller == "tree" and tree.branches == 0:
+        raise InputError(
+            str(path), "a policy without a tree", "one with a tree", "grow it with `physique grow`"
+        )
+    name = controller or ("tree" if tree.branches else "lqr")
+    return Policy(xml, tree, name, control, threads=threads)
+
+
+def _gap(q_from: Array, v_from: Array, q: Array, v: Array) -> float:
+    """How far a state is from another; a squared distance, of positions and velocities alike."""
+    turn = 1.0 - float(np.dot(q_from[3:7], q[3:7])) ** 2
+    dq, dv = q - q_from, v - v_from
+    return float(
+        15.0 * dq[:3] @ dq[:3] + 4.0 * turn + 0.5 * dq[7:] @ dq[7:]
+        + 0.5 * dv[:3] @ dv[:3] + 0.05 * dv[3:6] @ dv[3:6] + 0.0005 * dv[6:] @ dv[6:]
+    )  # fmt: skip
+
+
+def about(head: dict[str, Any]) -> str:
+    """What a policy file says it is for, in words."""
+    return f"{head.get('clip', 'a motion')} on {head.get('body', 'a body')}"

@@ -1,0 +1,128 @@
+"""Random pushes and how a controller stands them: survival, recovery, price."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from physique.feedback.policy import Policy
+from physique.simulation import kinematics
+from physique.simulation.character import Character
+from physique.simulation.disturb import Push, Pushed, simulate_pushed
+
+Array = NDArray[np.float64]
+
+#: A body that is further off, on average over its joints, no longer performs the motion.
+SURVIVAL_LIMIT = 0.5  # m
+#: It has recovered once its pose stays this near, wherever it stands.
+RECOVERY_LIMIT = 0.05  # m
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A push and what came of it.
+
+    survived: to the end of the motion. error: m, the greatest mean body position error. recovery:
+    s from the push's beginning until the pose is the motion's again; None where it never is.
+    decisions: s that each online decision took.
+    """
+
+    push: Push
+    survived: bool
+    error: float
+    recovery: float | None
+    decisions: tuple[float, ...]
+    motion: Pushed
+
+
+def random_pushes(
+    rng: np.random.Generator,
+    count: int,
+    impulse: float,
+    steps: int,
+    start: tuple[int, int],
+    timestep: float,
+) -> list[Push]:
+    """Pushes of `impulse` Ns over `steps` steps: any part, any direction, from any step in
+    start[0] to start[1] on, all equally likely."""
+    out = []
+    for _ in range(count):
+        part = int(rng.integers(22))
+        direction = rng.normal(size=3)
+        force = impulse / (steps * timestep) * direction / np.linalg.norm(direction)
+        out.append(
+            Push(part, tuple(force.tolist()), int(rng.integers(start[0], start[1] + 1)), steps)
+        )
+    return out
+
+
+def run_trial(character: Character, policy: Policy, push: Push, joints: Array) -> Trial:
+    """Perform the motion from the push's beginning to its end; joints (T, 22, 3), m, of it.
+
+    Given up as soon as the body is too far off.
+    """
+    tree, first = policy.tree, push.start
+    policy.reset(first)
+    decisions: list[float] = []
+
+    def control(t: int, q: Array, v: Array) -> Array:
+        before, clock = policy.decisions, time.perf_counter()
+        out = policy.act(q, v)
+        if policy.decisions > before:
+            decisions.append(time.perf_counter() - clock)
+        return out
+
+    motion = simulate_pushed(
+        character, tree.q[first], tree.v[first], tree.frames - 1 - first, control,
+        Push(push.part, push.force, 0, push.steps),
+        lambda t, at: body_error(at, joints[first + t]) <= SURVIVAL_LIMIT,
+    )  # fmt: skip
+    reached = len(motion.joints)
+    wanted = joints[first : first + reached]
+    errors = np.linalg.norm(motion.joints - wanted, axis=2).mean(axis=1)
+    whole = first + reached == tree.frames and not motion.diverged
+    survived = bool(whole and errors.max() <= SURVIVAL_LIMIT)
+    return Trial(
+        push=push,
+        survived=survived,
+        error=float(errors.max()),
+        recovery=recovery_time(motion.joints, wanted, policy.timestep) if survived else None,
+        decisions=tuple(decisions),
+        motion=motion,
+    )
+
+
+def body_error(joints: Array, wanted: Array) -> float:
+    """Mean distance, m, of joints (22, 3) from where they should be."""
+    return float(np.sqrt(np.sum((joints - wanted) ** 2, axis=1)).mean())
+
+
+def recovery_time(joints: Array, wanted: Array, timestep: float) -> float | None:
+    """s until the pose (T, 22, 3) is the wanted one for good, wherever on the floor it is."""
+    beside = (joints - wanted)[:, :1] * np.array([1.0, 1.0, 0.0])
+    off = np.linalg.norm(joints - wanted - beside, axis=2).mean(axis=1) > RECOVERY_LIMIT
+    if off[-1]:
+        return None
+    return float((np.flatnonzero(off)[-1] + 1) * timestep) if off.any() else 0.0
+
+
+def run_trials(
+    character: Character,
+    policy: Policy,
+    pushes: Sequence[Push],
+    on_trial: Callable[[int, Trial], None] | None = None,
+) -> tuple[list[Trial], float]:
+    """All trials, and how many s of motion were performed a second of wall time."""
+    joints = kinematics.joint_positions(character, policy.tree.q[: policy.tree.frames])
+    trials: list[Trial] = []
+    clock, steps = time.perf_counter(), 0
+    for push in pushes:
+        trials.append(run_trial(character, policy, push, joints))
+        steps += len(trials[-1].motion.q) - 1
+        if on_trial is not None:
+            on_trial(len(trials), trials[-1])
+    return trials, steps * policy.timestep / (time.perf_counter() - clock)

@@ -1,0 +1,107 @@
+"""The commands stabilize, push and grow, and the experiments' tables."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from physique.cli import main
+from physique.experiments import fig6, table1, table2
+from physique.feedback.policy import load_policy
+from physique.robustness import PushReport
+
+
+def call(*arguments: object) -> int:
+    try:
+        main([str(a) for a in arguments])
+    except SystemExit as stop:
+        return int(stop.code or 0)
+    return 0
+
+
+KEYS = {
+    "trials", "survived", "survival", "median_recovery_s", "impulse_ns", "delta_v", "decision_ms",
+    "realtime_factor",
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def copy(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    target = tmp_path_factory.mktemp("commands") / "run"
+    shutil.copytree(folder, target)
+    (target / "policy.npz").unlink()
+    return target
+
+
+def test_the_commands_work_together(copy: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    push = ["push", copy, "--impulse", 10, "--trials", 3, "--from", 0, "--to", 0.1, "--json"]
+    assert call(*push) == 2
+    assert "physique stabilize" in capfd.readouterr().err
+    assert call("stabilize", copy, "--weights", "paper") == 0
+    assert call("stabilize", copy) == 0
+    assert "policy.npz" in capfd.readouterr().out
+    assert call(*push, "--controller", "tree") == 2
+    assert "physique grow" in capfd.readouterr().err
+    assert call(*push, "--controller", "lqr") == 0
+    made = json.loads(capfd.readouterr().out)
+    assert set(made) == KEYS
+    assert made["trials"] == 3
+    assert made["decision_ms"] is None
+    assert made["delta_v"] == pytest.approx(10 / 75, rel=1e-3)
+    assert (
+        call("grow", copy, "--interval", 0.3, "--forces", "900", "--trials", 2, "--workers", 1) == 0
+    )
+    printed = capfd.readouterr()
+    assert "simulated steps" in printed.out
+    assert "covered" in printed.err
+    tree = json.loads((copy / "tree.json").read_text())
+    assert tree["trials"] == sum(s["trials"] for s in tree["subtrees"])
+    assert tree["perturbed_states"] == load_policy(copy / "policy.npz").tree.branches > 0
+    assert not (copy / "tree").exists()
+    assert call(*push, "--controller", "tree") == 0
+    made = json.loads(capfd.readouterr().out)
+    assert set(made["decision_ms"]) == {"median", "worst"}
+    table = table1.table(tree)
+    assert len(table.splitlines()) == 2 + len(tree["subtrees"])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (["push", "RUN", "--impulse", "x"], "impulse"),
+        (["grow", "RUN", "--forces", "1,a"], "--forces"),
+        (["grow", "RUN", "--forces", "-5"], "forces"),
+        (["grow", "RUN", "--interval", "0"], "interval"),
+        (["grow", "RUN", "--workers", "0"], "workers"),
+        (["grow", "RUN", "--trials", "0"], "trials"),
+        (["stabilize", "nowhere"], "nowhere"),
+        (["stabilize", "RUN", "--weights", "best"], "weights"),
+    ],
+)
+def test_bad_arguments_are_one_line(
+    folder: Path, capfd: pytest.CaptureFixture[str], arguments: list[str], text: str
+) -> None:
+    assert call(*(folder if a == "RUN" else a for a in arguments)) == 2
+    printed = capfd.readouterr()
+    assert printed.out == ""
+    assert printed.err.count("\n") == 1
+    assert text in printed.err
+
+
+def test_table_2_stands_beside_the_papers() -> None:
+    reports = [PushReport(100, n, n / 100, None, 5.0, 0.1, None, 9.0) for n in (91, 60, 30, 10, 6)]
+    text = table2.table({"pd": reports, "lqr": reports})
+    assert "| LQR, % | 91 | 60 | 30 | 10 | 6 |" in text
+    assert "| LQR in the paper, % | 89 | 28 | 20 | 8 | 5 |" in text
+
+
+def test_the_kicking_foot_is_the_highest_one() -> None:
+    joints = np.zeros((50, 22, 3))
+    joints[30, 8, 2] = 1.0  # the right ankle
+    joints[10, 7, 2] = 0.5
+    assert fig6.kicking_foot(joints, 0.01, None) == (8, 30)
+    assert fig6.kicking_foot(joints, 0.01, 0.1) == (7, 10)
