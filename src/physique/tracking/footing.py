@@ -47,7 +47,8 @@ class Scatter:
     round: m, below which height the floor begins to push. softness: m, corners that are so much
     higher than the lowest one count a third of it. step: m, of an ankle from its place. creep: m/s,
     of a sole that stands; still: m/s, one that is much faster in the source does not stand but
-    lands or turns. tilt: rad, of a foot from its orientation in the source.
+    lands or turns. clearance: m, of the sole of a foot that
+    swings, and swing: m, its scatter. tilt: rad, of a foot from its orientation in the source.
     angle, height: rad and m, of the corrections; bend, heave: rad/s2 and m/s2, of their
     accelerations.
     stand, lie, cut: m, of the whole body's shift where feet stand, of the lowest part's height
@@ -60,6 +61,8 @@ class Scatter:
     step: float = 0.01
     creep: float = 0.03
     still: float = 0.15
+    clearance: float = 0.02
+    swing: float = 0.01
     tilt: float = 0.05
     angle: float = 0.3
     height: float = 0.05
@@ -120,8 +123,11 @@ def _add_foot(
     low = np.einsum("tk,tk->t", share, height)
     J_low = np.einsum("tk,tkj->tj", share, J[:, :, 2])
     problem.add(low[:, None], J_low[:, None], contacts[:, None] / scatter.touch, own)
-    cost, slope = _floor(height, scatter.round)
-    problem.add(cost, slope[..., None] * J[:, :, 2], np.array([[1 / scatter.touch]]), own)
+    speed = np.linalg.norm(np.gradient(source.points[:, side, :, :2], timestep, axis=0), axis=-1)
+    swing = np.clip((speed - scatter.still) / scatter.still, 0.0, 1.0) * ~contacts[:, None]
+    for above, weight in ((0.0, 1 / scatter.touch), (scatter.clearance, swing / scatter.swing)):
+        cost, slope = _floor(height - above, scatter.round)
+        problem.add(cost, slope[..., None] * J[:, :, 2], np.atleast_2d(weight), own)
     # Where they touch, they keep still, if the performer's did.
     before, after = slice(None, -1), slice(1, None)
     was = source.points[:, side, :, :2]
