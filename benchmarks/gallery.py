@@ -11,10 +11,12 @@ pushes) is said in a line, and the scene is left out.
 from __future__ import annotations
 
 import argparse
+import importlib
+import importlib.util
 import io
 import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -23,79 +25,117 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
+from section5 import standing
 
 import physique
-from physique.export.sampling import frames_at
-from physique.export.scene import COLOURS, GHOST, Actor, Scene, make_actor, stage
-from physique.export.skin import joint_transforms
-from physique.export.surface import SKIN, surface
+from physique import skeleton
+from physique.export.scene import Scene, stage_runs
+from physique.metrics import SUCCESS_LIMIT, joint_errors
+from physique.simulation import kinematics
+from physique.simulation.session import PUSH_SECONDS, Push, Session
 from physique.store import prepare_folder, write_atomic
 
 Array = NDArray[np.float64]
+#: What to show, one after another: frames of scenes.
+Film = list[tuple[Scene, int]]
 
 ROOT = Path(__file__).resolve().parent.parent
 RUNS = ROOT / "out" / "gallery"
 PICTURES = ROOT / "docs" / "images" / "gallery"
 SALSA = ROOT.parent / "shared" / "mocap" / "cmu" / "bvh" / "60_01.bvh"
 
-FPS = 100.0  # frames a second of runs
+TICK = 6  # frames of 0.01 s from one picture to the next, at true speed
+MOST_BYTES = 400_000  # of a film
+QUALITIES = (85, 75, 65, 55, 45, 35)  # of WebP: the first that is small enough, or the last
 LABEL = 0.33  # m, from the highest joint up to where a label ends
-MOST_BYTES = 400_000  # of a picture
-QUALITIES = (85, 75, 65, 55, 45, 35)  # of WebP, the first that is small enough
 
 
 class Missing(Exception):
     """What a scene needs and is not there."""
 
 
-def salsa() -> Iterator[tuple[Scene, float]]:
+def salsa() -> Film:
     """One dance, three bodies."""
     if not SALSA.is_file():
-        raise Missing(f"no {SALSA.name} in ../shared/mocap: see docs/gallery.md for its source")
+        raise Missing(f"no {SALSA.name} in ../shared/mocap; docs/gallery.md says where it is from")
     runs = [
         _run(f"salsa_{body}", str(SALSA), body, fps=60, start=2, end=6)
         for body in ("thin", "average", "heavy")
     ]
-    yield stage(_people(runs), FPS, (720, 400), azimuth=20, elevation=5), 1.0
+    return _film(_stage(runs, _masses(runs), (560, 320), 5, 4))
 
 
-def crowd() -> Iterator[tuple[Scene, float]]:
+def crowd() -> Film:
     """One walk, ten bodies."""
     names = (
         "short_woman", "thin_woman", "thin", "average_woman", "average", "tall", "athletic",
         "stout", "heavy_woman", "heavy",
     )  # fmt: skip
     runs = [_run(f"walk_{body}", "walk", body, end=3.0) for body in names]
-    yield stage(_people(runs), FPS, (960, 320), azimuth=25, elevation=6), 1.0
+    return _film(_stage(runs, [f"{run.body.mass:.0f} kg" for run in runs], (800, 300), 25, 6))
 
 
-def torque() -> Iterator[tuple[Scene, float]]:
+def torque() -> Film:
     """A kick out of a jump, three limits of torque."""
     limits = (300.0, 100.0, 50.0)
-    runs = [
-        _run(f"spinkick_{limit:g}", "spinkick", "heavy", torque_limit=limit) for limit in limits
-    ]
-    people = _people(runs, [f"{limit:g} Nm" for limit in limits])
-    yield stage(people, FPS, (720, 400), azimuth=60, elevation=6), 0.5
+    runs = [_run(f"spinkick_{n:g}", "spinkick", "heavy", torque_limit=n) for n in limits]
+    return _film(_stage(runs, [f"{n:g} Nm" for n in limits], (640, 320), 50, 6), slow=2)
 
 
-def backflip() -> Iterator[tuple[Scene, float]]:
+def backflip() -> Film:
     """A backflip, two bodies."""
     runs = [_run(f"backflip_{body}", "backflip", body) for body in ("average", "heavy")]
-    yield stage(_people(runs), FPS, (640, 400), azimuth=75, elevation=5), 0.5
+    return _film(_stage(runs, _masses(runs), (560, 360), 75, 5), slow=2)
 
 
-#: Scenes by name: each yields what to film, one after another, and at which speed.
-SCENES: dict[str, Callable[[], Iterator[tuple[Scene, float]]]] = {
+def stick() -> Film:
+    """Arms held out, with nothing and with a stick in the right hand."""
+    texts = (None, "stick:5kg", "stick:10kg")
+    runs = [
+        _run(
+            f"stick_{text or 'none'}".replace(":", "_"), standing(2.0), "average",
+            hold=None if text is None else physique.parse_held(text), torque_limit=50.0,
+        )
+        for text in texts
+    ]  # fmt: skip
+    labels = ["nothing", "5 kg", "10 kg"]
+    return _film(_stage(runs, labels, (720, 320), 15, 6))
+
+
+def push() -> Film:
+    """One push, answered by LQR and by the tree."""
+    if importlib.util.find_spec("physique.feedback") is None:
+        raise Missing("this version has no physique.feedback")
+    run = _run("push", "punch", "average")
+    policy = RUNS / "push" / "policy.npz"
+    if not policy.is_file():
+        raise Missing("no policy.npz: physique grow out/gallery/push")
+    at, one, answers = _telling_push(run, policy)
+    strength = float(np.linalg.norm(one.impulse))
+    print(f"push: {strength:.0f} Ns on {skeleton.JOINTS[one.part]} at {at * run.timestep:.2f} s")
+    runs = [replace(run, trajectory=replace(run.trajectory, q=q)) for q in answers.values()]
+    scene = _stage(runs, list(answers), (560, 320), 40, 6)
+    hit = replace(
+        scene,
+        actors=tuple(replace(a, label=f"{a.label}: {strength:.0f} Ns") for a in scene.actors),
+    )
+    lasts = round(4 * PUSH_SECONDS / run.timestep)  # frames that say so
+    return [(hit if at <= t < at + lasts else scene, t) for _, t in _film(scene)]
+
+
+#: Films by name.
+SCENES: dict[str, Callable[[], Film]] = {
     "salsa": salsa,
     "crowd": crowd,
     "torque": torque,
     "backflip": backflip,
+    "stick": stick,
+    "push": push,
 }
 
 
 def main() -> None:
-    """Make the scenes that were asked for."""
+    """Make the films that were asked for."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(SCENES))
     wanted = parser.parse_args().names or list(SCENES)
@@ -105,68 +145,23 @@ def main() -> None:
     prepare_folder(PICTURES)
     for name in wanted:
         try:
-            films = list(SCENES[name]())
+            film = SCENES[name]()
         except Missing as lack:
             print(f"{name}: left out: {lack}", flush=True)
             continue
         path = PICTURES / f"{name}.webp"
-        count, quality = write_webp(path, films)
+        quality = write_webp(path, film)
         size = path.stat().st_size / 1000
-        print(f"{path.relative_to(ROOT)}: {count} pictures, quality {quality}, {size:.0f} kB",
-              flush=True)  # fmt: skip
+        print(f"{path.relative_to(ROOT)}: {len(film)} pictures, quality {quality}, {size:.0f} kB")
 
 
-def _run(folder: str, clip: Any, body: str, **options: Any) -> physique.Run:
-    """The run in out/gallery, made where it is not there yet."""
-    print(f"{clip} on {body} {options or ''}", file=sys.stderr, flush=True)
-    return physique.retarget(clip, body, out=RUNS / folder, resume=True, **options)
-
-
-def _people(runs: Sequence[physique.Run], labels: Sequence[str] = ()) -> list[Actor]:
-    """Each run's skin, in a colour of its own, named by `labels` or by body and mass."""
-    labels = labels or [
-        f"{run.body.name.replace('_', ' ')}, {run.body.mass:.0f} kg" for run in runs
-    ]
-    return [
-        make_actor(
-            surface(run.mesh, run.body), run.trajectory.q, label=label,
-            colour=COLOURS[i % len(COLOURS)],
-        )
-        for i, (run, label) in enumerate(zip(runs, labels))
-    ]  # fmt: skip
-
-
-def _still(scene: Scene) -> Scene:
-    """The scene before a camera that stays where it is, as near as it sees all of all motions.
-
-    A floor that does not move costs a film next to nothing.
-    """
-    some = np.unique(np.linspace(0, scene.frames - 1, 24).round().astype(int))
-    seen = [actor.vertices(t) for actor in scene.actors for t in some]
-    for actor in scene.actors:
-        joints = actor.joints(scene.frames)[some]
-        tops = joints[..., 2].max(axis=1, keepdims=True) + LABEL
-        seen.append(np.concatenate([joints[:, 0, :2], tops], axis=1))
-    points = np.concatenate(seen)
-    middle = 0.5 * (points.min(axis=0) + points.max(axis=0)) * np.array([1.0, 1.0, 0.0])
-    camera = scene.camera.holding(points - middle, scene.size, margin=1.03)
-    return replace(scene, camera=camera, route=np.tile(middle[:2], (scene.frames, 1)))
-
-
-def write_webp(
-    path: Path, films: Sequence[tuple[Scene, float]], rate: float = 100.0 / 6.0
-) -> tuple[int, int]:
-    """Write scenes, one after another, as an endless animation: number of pictures and quality.
-
-    rate: pictures a second as shown; each film's second value is its speed.
-    """
-    pictures = []
-    for scene, speed in films:
-        frames = frames_at(scene.frames, scene.fps, rate / speed)
-        with ThreadPoolExecutor(os.cpu_count()) as pool:
-            pictures += [Image.fromarray(p) for p in pool.map(scene.picture, frames.tolist())]
-    times = [round(1000 / rate)] * len(pictures)
-    times[-1] = 1000  # ms: the end is looked at before it begins anew
+def write_webp(path: Path, film: Film) -> int:
+    """Write a film as an endless animation; the quality, 0 to 100, that made it small enough."""
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        drawn = pool.map(lambda shown: Image.fromarray(shown[0].picture(shown[1])), film)
+        pictures = list(drawn)
+    times = [10 * TICK] * len(pictures)  # ms
+    times[-1] = 1000  # the end is looked at before it begins anew
     for quality in QUALITIES:
         buffer = io.BytesIO()
         pictures[0].save(
@@ -176,7 +171,91 @@ def write_webp(
         if buffer.tell() <= MOST_BYTES:
             break
     write_atomic(path, buffer.getvalue())
-    return len(pictures), quality
+    return quality
+
+
+def _run(folder: str, clip: Any, body: str, **options: Any) -> physique.Run:
+    """The run in out/gallery, made where it is not there yet."""
+    print(f"{getattr(clip, 'name', clip)} on {body} {options or ''}", file=sys.stderr, flush=True)
+    run = physique.retarget(clip, body, out=RUNS / folder, resume=True, **options)
+    print(f"  error {run.metrics['mpjpe_mm']:.0f} mm, success {run.success}", file=sys.stderr)
+    return run
+
+
+def _masses(runs: Sequence[physique.Run]) -> list[str]:
+    return [f"{run.body.name}, {run.body.mass:.0f} kg" for run in runs]
+
+
+def _film(scene: Scene, slow: int = 1) -> Film:
+    """All of a scene, at the speed 1 / slow."""
+    return [(scene, t) for t in range(0, scene.frames, TICK // slow)]
+
+
+def _stage(
+    runs: Sequence[physique.Run],
+    labels: Sequence[str],
+    size: tuple[int, int],
+    azimuth: float,
+    elevation: float,
+) -> Scene:
+    """Runs side by side, under these labels, before a camera that stays where it is.
+
+    It is as near as it sees all of all motions; a floor that does not move costs a film nothing.
+    """
+    scene = stage_runs(runs, size, azimuth=azimuth, elevation=elevation)
+    actors = tuple(replace(actor, label=text) for actor, text in zip(scene.actors, labels))
+    some = np.unique(np.linspace(0, scene.frames - 1, 24).round().astype(int))
+    seen = [actor.vertices(t) for actor in actors for t in some]
+    for actor in actors:
+        joints = actor.joints(scene.frames)[some]
+        tops = joints[..., 2].max(axis=1, keepdims=True) + LABEL
+        seen.append(np.concatenate([joints[:, 0, :2], tops], axis=1))
+    points = np.concatenate(seen)
+    middle = 0.5 * (points.min(axis=0) + points.max(axis=0)) * np.array([1.0, 1.0, 0.0])
+    camera = scene.camera.holding(points - middle, size, margin=1.03)
+    route = np.tile(middle[:2], (scene.frames, 1))
+    return replace(scene, actors=actors, camera=camera, route=route)
+
+
+def _telling_push(run: physique.Run, policy: Path) -> tuple[int, Push, dict[str, Array]]:
+    """The first of random pushes that the tree survives and LQR does not: when, what, motions."""
+    rng = np.random.default_rng(0)
+    frames = run.trajectory.frames
+    for count in range(1, 201):
+        at = int(rng.integers(frames // 8, frames // 2))
+        direction = rng.normal(size=3) * np.array([1.0, 1.0, 0.2])
+        impulse = rng.uniform(15.0, 60.0) * direction / np.linalg.norm(direction)
+        one = Push(skeleton.INDEX["spine3"], np.zeros(3), impulse)
+        by_lqr = _answer(run, policy, "lqr", at, one)
+        if _survives(run, by_lqr):
+            continue
+        by_tree = _answer(run, policy, "tree", at, one)
+        if _survives(run, by_tree):
+            print(f"push: number {count} of those that were drawn")
+            return at, one, {"LQR": by_lqr, "tree": by_tree}
+    raise Missing("of 200 pushes there is none that the tree survives and LQR does not")
+
+
+def _answer(run: physique.Run, path: Path, controller: str, at: int, one: Push) -> Array:
+    """States (T, 57) of the run under a controller, pushed at a frame."""
+    load_policy = importlib.import_module("physique.feedback.policy").load_policy
+    policy, motion = load_policy(path, controller), run.trajectory
+    session = Session(run.character(), motion.q[0], motion.v[0])
+    q = [session.q]
+    for t in range(motion.frames - 1):
+        if t == at:
+            session.push(one)
+        session.step(policy.act(session.q, session.v))
+        q.append(session.q)
+    return np.array(q)
+
+
+def _survives(run: physique.Run, q: Array) -> bool:
+    """Whether the joints stay as near to the run's as `success` asks for, to the end."""
+    joints, wanted = (
+        kinematics.joint_positions(run.character(), x) for x in (q, run.trajectory.q)
+    )
+    return bool(joint_errors(joints, wanted).mean(axis=1).max() <= SUCCESS_LIMIT)
 
 
 if __name__ == "__main__":
