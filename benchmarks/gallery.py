@@ -25,7 +25,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
-from section5 import standing
 
 import physique
 from physique import skeleton
@@ -34,6 +33,7 @@ from physique.metrics import SUCCESS_LIMIT, joint_errors
 from physique.simulation import kinematics
 from physique.simulation.session import PUSH_SECONDS, Push, Session
 from physique.store import prepare_folder, write_atomic
+from section5 import standing
 
 Array = NDArray[np.float64]
 #: What to show, one after another: frames of scenes.
@@ -50,14 +50,16 @@ QUALITIES = (85, 75, 65, 55, 45, 35)  # of WebP: the first that is small enough,
 LABEL = 0.33  # m, from the highest joint up to where a label ends
 
 
-class Missing(Exception):
+class MissingError(Exception):
     """What a scene needs and is not there."""
 
 
 def salsa() -> Film:
     """One dance, three bodies."""
     if not SALSA.is_file():
-        raise Missing(f"no {SALSA.name} in ../shared/mocap; docs/gallery.md says where it is from")
+        raise MissingError(
+            f"no {SALSA.name} in ../shared/mocap; docs/gallery.md says where it is from"
+        )
     runs = [
         _run(f"salsa_{body}", str(SALSA), body, fps=60, start=2, end=6)
         for body in ("thin", "average", "heavy")
@@ -105,11 +107,11 @@ def stick() -> Film:
 def push() -> Film:
     """One push, answered by LQR and by the tree."""
     if importlib.util.find_spec("physique.feedback") is None:
-        raise Missing("this version has no physique.feedback")
+        raise MissingError("this version has no physique.feedback")
     run = _run("push", "punch", "average")
     policy = RUNS / "push" / "policy.npz"
     if not policy.is_file():
-        raise Missing("no policy.npz: physique grow out/gallery/push")
+        raise MissingError("no policy.npz: physique grow out/gallery/push")
     at, one, answers = _telling_push(run, policy)
     strength = float(np.linalg.norm(one.impulse))
     print(f"push: {strength:.0f} Ns on {skeleton.JOINTS[one.part]} at {at * run.timestep:.2f} s")
@@ -146,7 +148,7 @@ def main() -> None:
     for name in wanted:
         try:
             film = SCENES[name]()
-        except Missing as lack:
+        except MissingError as lack:
             print(f"{name}: left out: {lack}", flush=True)
             continue
         path = PICTURES / f"{name}.webp"
@@ -233,7 +235,7 @@ def _telling_push(run: physique.Run, policy: Path) -> tuple[int, Push, dict[str,
         if _survives(run, by_tree):
             print(f"push: number {count} of those that were drawn")
             return at, one, {"LQR": by_lqr, "tree": by_tree}
-    raise Missing("of 200 pushes there is none that the tree survives and LQR does not")
+    raise MissingError("of 200 pushes there is none that the tree survives and LQR does not")
 
 
 def _answer(run: physique.Run, path: Path, controller: str, at: int, one: Push) -> Array:
@@ -252,9 +254,7 @@ def _answer(run: physique.Run, path: Path, controller: str, at: int, one: Push) 
 
 def _survives(run: physique.Run, q: Array) -> bool:
     """Whether the joints stay as near to the run's as `success` asks for, to the end."""
-    joints, wanted = (
-        kinematics.joint_positions(run.character(), x) for x in (q, run.trajectory.q)
-    )
+    joints, wanted = (kinematics.joint_positions(run.character(), x) for x in (q, run.trajectory.q))
     return bool(joint_errors(joints, wanted).mean(axis=1).max() <= SUCCESS_LIMIT)
 
 
