@@ -28,12 +28,12 @@ from PIL import Image
 
 import physique
 from physique import skeleton
+from physique.body.held import Hand
 from physique.export.scene import Scene, stage_runs
 from physique.metrics import SUCCESS_LIMIT, joint_errors
 from physique.simulation import kinematics
 from physique.simulation.session import PUSH_SECONDS, Push, Session
 from physique.store import prepare_folder, write_atomic
-from section5 import standing
 
 Array = NDArray[np.float64]
 #: What to show, one after another: frames of scenes.
@@ -45,7 +45,7 @@ PICTURES = ROOT / "docs" / "images" / "gallery"
 SALSA = ROOT.parent / "shared" / "mocap" / "cmu" / "bvh" / "60_01.bvh"
 
 TICK = 6  # frames of 0.01 s from one picture to the next, at true speed
-MOST_BYTES = 400_000  # of a film
+MOST_BYTES = 450_000  # of a film
 QUALITIES = (85, 75, 65, 55, 45, 35)  # of WebP: the first that is small enough, or the last
 LABEL = 0.33  # m, from the highest joint up to where a label ends
 
@@ -64,7 +64,7 @@ def salsa() -> Film:
         _run(f"salsa_{body}", str(SALSA), body, fps=60, start=2, end=6)
         for body in ("thin", "average", "heavy")
     ]
-    return _film(_stage(runs, _masses(runs), (560, 320), 5, 4))
+    return _film(_stage(runs, _masses(runs), (520, 300), 5, 4, seconds=3.0))
 
 
 def crowd() -> Film:
@@ -74,7 +74,8 @@ def crowd() -> Film:
         "stout", "heavy_woman", "heavy",
     )  # fmt: skip
     runs = [_run(f"walk_{body}", "walk", body, end=3.0) for body in names]
-    return _film(_stage(runs, [f"{run.body.mass:.0f} kg" for run in runs], (800, 300), 25, 6))
+    labels = [f"{run.body.mass:.0f} kg" for run in runs]
+    return _film(_stage(runs, labels, (800, 300), 10, 6, seconds=2.1))
 
 
 def torque() -> Film:
@@ -91,27 +92,29 @@ def backflip() -> Film:
 
 
 def stick() -> Film:
-    """Arms held out, with nothing and with a stick in the right hand."""
-    texts = (None, "stick:5kg", "stick:10kg")
+    """A punch, with nothing and with a stick of 5 kg in the right hand."""
+    runs = [_run("punch", "punch", "average"), _held("punch", "stick:5kg", "right")]
+    return _film(_stage(runs, ["nothing", "5 kg"], (560, 320), -50, 6))
+
+
+def blocks() -> Film:
+    """A jump, with nothing and with a block in each hand."""
     runs = [
-        _run(
-            f"stick_{text or 'none'}".replace(":", "_"), standing(2.0), "average",
-            hold=None if text is None else physique.parse_held(text), torque_limit=50.0,
-        )
-        for text in texts
-    ]  # fmt: skip
-    labels = ["nothing", "5 kg", "10 kg"]
-    return _film(_stage(runs, labels, (720, 320), 15, 6))
+        _run("jump", "jump", "average"),
+        _held("jump", "block:10kg", "both"),
+        _held("jump", "block:20kg", "both"),
+    ]
+    return _film(_stage(runs, ["nothing", "2 x 10 kg", "2 x 20 kg"], (560, 320), 40, 6), slow=2)
 
 
 def push() -> Film:
     """One push, answered by LQR and by the tree."""
     if importlib.util.find_spec("physique.feedback") is None:
         raise MissingError("this version has no physique.feedback")
-    run = _run("push", "punch", "average")
-    policy = RUNS / "push" / "policy.npz"
+    run = _run("punch", "punch", "average")
+    policy = RUNS / "punch" / "policy.npz"
     if not policy.is_file():
-        raise MissingError("no policy.npz: physique grow out/gallery/push")
+        raise MissingError("no policy.npz: physique grow out/gallery/punch")
     at, one, answers = _telling_push(run, policy)
     strength = float(np.linalg.norm(one.impulse))
     print(f"push: {strength:.0f} Ns on {skeleton.JOINTS[one.part]} at {at * run.timestep:.2f} s")
@@ -132,6 +135,7 @@ SCENES: dict[str, Callable[[], Film]] = {
     "torque": torque,
     "backflip": backflip,
     "stick": stick,
+    "blocks": blocks,
     "push": push,
 }
 
@@ -184,6 +188,12 @@ def _run(folder: str, clip: Any, body: str, **options: Any) -> physique.Run:
     return run
 
 
+def _held(clip: str, text: str, hand: Hand) -> physique.Run:
+    """A clip on the average body with an object in a hand."""
+    folder = f"{clip}_{text}".replace(":", "_")
+    return _run(folder, clip, "average", hold=physique.parse_held(text, hand))
+
+
 def _masses(runs: Sequence[physique.Run]) -> list[str]:
     return [f"{run.body.name}, {run.body.mass:.0f} kg" for run in runs]
 
@@ -199,23 +209,26 @@ def _stage(
     size: tuple[int, int],
     azimuth: float,
     elevation: float,
+    seconds: float | None = None,
 ) -> Scene:
     """Runs side by side, under these labels, before a camera that stays where it is.
 
-    It is as near as it sees all of all motions; a floor that does not move costs a film nothing.
+    It is as near as it sees all that happens within `seconds`, or to the end. A floor that does not
+    move costs a film nothing.
     """
     scene = stage_runs(runs, size, azimuth=azimuth, elevation=elevation)
+    frames = scene.frames if seconds is None else round(seconds * scene.fps) + 1
     actors = tuple(replace(actor, label=text) for actor, text in zip(scene.actors, labels))
-    some = np.unique(np.linspace(0, scene.frames - 1, 24).round().astype(int))
+    some = np.unique(np.linspace(0, frames - 1, 24).round().astype(int))
     seen = [actor.vertices(t) for actor in actors for t in some]
     for actor in actors:
-        joints = actor.joints(scene.frames)[some]
+        joints = actor.joints(frames)[some]
         tops = joints[..., 2].max(axis=1, keepdims=True) + LABEL
         seen.append(np.concatenate([joints[:, 0, :2], tops], axis=1))
     points = np.concatenate(seen)
     middle = 0.5 * (points.min(axis=0) + points.max(axis=0)) * np.array([1.0, 1.0, 0.0])
     camera = scene.camera.holding(points - middle, size, margin=1.03)
-    route = np.tile(middle[:2], (scene.frames, 1))
+    route = np.tile(middle[:2], (frames, 1))
     return replace(scene, actors=actors, camera=camera, route=route)
 
 
