@@ -45,10 +45,10 @@ gallery: $(STAMP) ## make the moving pictures of docs/gallery.md (a quarter of a
 	$(ONE_THREAD) $(PY) benchmarks/gallery.py
 
 docs: $(DOCS_STAMP) ## build the documentation site, into out/site
-	$(DOCS_VENV)/bin/mkdocs build --strict
+	NO_MKDOCS_2_WARNING=1 $(DOCS_VENV)/bin/mkdocs build --strict
 
 docs-serve: $(DOCS_STAMP) ## serve the documentation on 127.0.0.1:8000, anew at each change
-	$(DOCS_VENV)/bin/mkdocs serve
+	NO_MKDOCS_2_WARNING=1 $(DOCS_VENV)/bin/mkdocs serve
 
 bundle: ## rebuild the 3-D viewer of reports from tools/web (needs Node.js)
 	cd tools/web && npm ci --ignore-scripts && npm run build

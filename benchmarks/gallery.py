@@ -1,9 +1,10 @@
 """The moving pictures of docs/gallery.md, from real runs.
 
-    python benchmarks/gallery.py [NAME ...]
+    python benchmarks/gallery.py [NAME ...] [--pushed RUN]
 
 retargets what is needed into out/gallery (runs that are there already are kept, runs that were
 stopped go on) and writes an animated WebP a scene to docs/images/gallery. NAME: some scenes only.
+RUN: the folder of a run with the policy.npz of a tree, for the scene `push`; out/gallery/pushed.
 What a scene needs and is not there (real clips beside the repository, a controller that answers
 pushes) is said in a line, and the scene is left out.
 """
@@ -19,6 +20,7 @@ import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -75,7 +77,7 @@ def crowd() -> Film:
     )  # fmt: skip
     runs = [_run(f"walk_{body}", "walk", body, end=3.0) for body in names]
     labels = [f"{run.body.mass:.0f} kg" for run in runs]
-    return _film(_stage(runs, labels, (800, 300), 10, 6, seconds=2.1))
+    return _film(_stage(runs, labels, (720, 280), 10, 6, seconds=2.1))
 
 
 def torque() -> Film:
@@ -107,14 +109,14 @@ def blocks() -> Film:
     return _film(_stage(runs, ["nothing", "2 x 10 kg", "2 x 20 kg"], (560, 320), 40, 6), slow=2)
 
 
-def push() -> Film:
-    """One push, answered by LQR and by the tree."""
+def push(folder: Path) -> Film:
+    """One push, answered by LQR and by the tree of the policy in a run's folder."""
     if importlib.util.find_spec("physique.feedback") is None:
         raise MissingError("this version has no physique.feedback")
-    run = _run("punch", "punch", "average")
-    policy = RUNS / "punch" / "policy.npz"
+    policy = folder / "policy.npz"
     if not policy.is_file():
-        raise MissingError("no policy.npz: physique grow out/gallery/punch")
+        raise MissingError(f"no {policy}: `physique retarget`, then `physique grow` make one")
+    run = physique.load_run(folder)
     at, one, answers = _telling_push(run, policy)
     strength = float(np.linalg.norm(one.impulse))
     print(f"push: {strength:.0f} Ns on {skeleton.JOINTS[one.part]} at {at * run.timestep:.2f} s")
@@ -128,7 +130,7 @@ def push() -> Film:
     return [(hit if at <= t < at + lasts else scene, t) for _, t in _film(scene)]
 
 
-#: Films by name.
+#: Films by name; `push` comes to them.
 SCENES: dict[str, Callable[[], Film]] = {
     "salsa": salsa,
     "crowd": crowd,
@@ -136,22 +138,23 @@ SCENES: dict[str, Callable[[], Film]] = {
     "backflip": backflip,
     "stick": stick,
     "blocks": blocks,
-    "push": push,
 }
 
 
 def main() -> None:
     """Make the films that were asked for."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(SCENES))
-    wanted = parser.parse_args().names or list(SCENES)
-    for name in wanted:
-        if name not in SCENES:
-            parser.error(f"no scene {name!r}: one of {', '.join(SCENES)}")
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"{', '.join(SCENES)}, push")
+    parser.add_argument("--pushed", type=Path, metavar="RUN", default=RUNS / "pushed")
+    options = parser.parse_args()
+    scenes = {**SCENES, "push": partial(push, options.pushed)}
+    for name in options.names:
+        if name not in scenes:
+            parser.error(f"no scene {name!r}: one of {', '.join(scenes)}")
     prepare_folder(PICTURES)
-    for name in wanted:
+    for name in options.names or scenes:
         try:
-            film = SCENES[name]()
+            film = scenes[name]()
         except MissingError as lack:
             print(f"{name}: left out: {lack}", flush=True)
             continue
