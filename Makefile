@@ -4,12 +4,15 @@ SHELL := /bin/sh
 VENV := .venv
 PY := $(VENV)/bin/python
 STAMP := $(VENV)/.installed
+# The tools of the documentation live apart: they are no part of what physique is tested with.
+DOCS_VENV := .venv-docs
+DOCS_STAMP := $(DOCS_VENV)/.installed
 WORKERS ?= 2
 # Numerical libraries must not start threads of their own under our process and thread pools.
 ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
 
 .DEFAULT_GOAL := help
-.PHONY: help env demo test test-slow check format bench bundle clean
+.PHONY: help env demo test test-slow check format bench gallery docs docs-serve bundle clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' Makefile | expand -t 20
@@ -38,12 +41,21 @@ format: $(STAMP) ## apply the formatter and the safe lint fixes
 bench: $(STAMP) ## measure speed and quality, into out/bench
 	$(ONE_THREAD) $(PY) benchmarks/run.py --out out/bench
 
+gallery: $(STAMP) ## make the moving pictures of docs/gallery.md (a quarter of an hour)
+	$(ONE_THREAD) $(PY) benchmarks/gallery.py
+
+docs: $(DOCS_STAMP) ## build the documentation site, into out/site
+	NO_MKDOCS_2_WARNING=1 $(DOCS_VENV)/bin/mkdocs build --strict
+
+docs-serve: $(DOCS_STAMP) ## serve the documentation on 127.0.0.1:8000, anew at each change
+	NO_MKDOCS_2_WARNING=1 $(DOCS_VENV)/bin/mkdocs serve
+
 bundle: ## rebuild the 3-D viewer of reports from tools/web (needs Node.js)
 	cd tools/web && npm ci --ignore-scripts && npm run build
 
-clean: ## remove results and caches (not .venv)
+clean: ## remove results and caches (not .venv and .venv-docs)
 	rm -rf out dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
-	find . -path ./$(VENV) -prune -o -name __pycache__ -type d -prune -exec rm -rf {} +
+	find . \( -path ./$(VENV) -o -path ./$(DOCS_VENV) \) -prune -o -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # A stamp, so that nothing is done while the requirements stand as they are.
 $(STAMP): pyproject.toml uv.lock
@@ -68,4 +80,10 @@ $(STAMP): pyproject.toml uv.lock
 	$(PY) -m pip install --quiet --disable-pip-version-check "uv>=0.9,<1"; \
 	UV_PROJECT_ENVIRONMENT=$(VENV) UV_PYTHON_DOWNLOADS=never \
 	  $(PY) -m uv sync --frozen --inexact --quiet; \
+	touch $@
+
+# Only the group: the API is read from src/ and never imported.
+$(DOCS_STAMP): $(STAMP) pyproject.toml uv.lock
+	UV_PROJECT_ENVIRONMENT=$(DOCS_VENV) UV_PYTHON_DOWNLOADS=never \
+	  $(PY) -m uv sync --frozen --only-group docs --python $(PY) --quiet
 	touch $@
