@@ -65,8 +65,9 @@ def desk(tmp_path_factory: pytest.TempPathFactory, character: Character, walk: R
     folder = tmp_path_factory.mktemp("desk")
     write_body_bvh(folder / "dance.bvh", character.body.joints, walk.q, 100.0)
     physique.retarget("walk", "average", end=0.3, out=folder / "out" / "walk")
-    for body in ("heavy", "thin"):
-        shutil.copytree(folder / "out" / "walk", folder / "out" / body)
+    for name in ("heavy", "thin", "punch"):
+        shutil.copytree(folder / "out" / "walk", folder / "out" / name)
+    physique.stabilize(folder / "out" / "punch")
     return folder
 
 
@@ -124,7 +125,7 @@ def test_the_site_has_every_page() -> None:
     assert sorted(named) == sorted(page.name for page in PAGES[1:])
 
 
-@pytest.mark.parametrize("name", ["salsa", "crowd", "torque", "backflip", "stick", "blocks"])
+@pytest.mark.parametrize("name", ["salsa", "crowd", "torque", "backflip", "stick", "blocks", "push"])
 def test_films_of_the_gallery_are_small(name: str) -> None:
     film = ROOT / "docs" / "images" / "gallery" / f"{name}.webp"
     assert film.stat().st_size <= 450_000
