@@ -125,7 +125,9 @@ def test_the_site_has_every_page() -> None:
     assert sorted(named) == sorted(page.name for page in PAGES[1:])
 
 
-@pytest.mark.parametrize("name", ["salsa", "crowd", "torque", "backflip", "stick", "blocks", "push"])
+@pytest.mark.parametrize(
+    "name", ["salsa", "crowd", "torque", "backflip", "stick", "blocks", "push"]
+)
 def test_films_of_the_gallery_are_small(name: str) -> None:
     film = ROOT / "docs" / "images" / "gallery" / f"{name}.webp"
     assert film.stat().st_size <= 450_000
