@@ -24,6 +24,7 @@ from physique.body.capsule_body import CapsuleBody
 from physique.body.mesh import BodyMesh
 from physique.errors import InputError
 from physique.simulation.character import TIMESTEP, Character, load_character
+from physique.simulation.held import HeldGeom, held_geoms
 from physique.store import (
     PathLike,
     prepare_folder,
@@ -74,12 +75,17 @@ class Run:
     @property
     def name(self) -> str:
         """Clip and body, and what it holds."""
+        name = f"{self.record['identity']['clip']} on {self.body.name}"
+        return f"{name}, {self.holding}" if self.holding else name
+
+    @property
+    def holding(self) -> str:
+        """What it holds, in words; nothing for empty hands."""
         identity = self.record["identity"]
-        name = f"{identity['clip']} on {self.body.name}"
         if identity.get("hold") is None:
-            return name
+            return ""
         hand = "each hand" if identity["hand"] == "both" else f"the {identity['hand']} hand"
-        return f"{name}, {identity['hold']} in {hand}"
+        return f"{identity['hold']} in {hand}"
 
     @property
     def timestep(self) -> float:
@@ -90,6 +96,10 @@ class Run:
     def character(self) -> Character:
         """The body as it was simulated."""
         return load_character(self.character_xml, self.body)
+
+    def held(self) -> tuple[HeldGeom, ...]:
+        """The shapes of what it holds."""
+        return held_geoms(self.character().model)
 
 
 @dataclass(frozen=True)
