@@ -11,8 +11,8 @@ from scipy.spatial import cKDTree
 
 from physique.body.mesh import BodyMesh
 from physique.errors import InputError
+from physique.export import palette
 from physique.export.camera import Camera
-from physique.export.palette import BODIES, rgb
 from physique.export.picture import frame_camera, render
 from physique.export.raycast import Array, Image, Layer, cast
 from physique.export.surface import vertex_normals
@@ -86,9 +86,10 @@ def body_picture(mesh: BodyMesh, model: mujoco.MjModel, *, height: int = 420) ->
     left = Camera.look_at(
         camera.target, distance=distance, azimuth=90.0, elevation=5.0, fov=camera.fov
     )
+    skin = (mesh.vertices, mesh.faces, palette.rgb(palette.BODIES[0]))
     panels: list[Image] = []
     for view, size in ((camera, front), (left, side)):
-        panels.append(render_meshes([(mesh.vertices, mesh.faces, rgb(BODIES[0]))], view, size))
+        panels.append(render_meshes([skin], view, size))
         panels.append(render(model, model.qpos0, view, size))
     gap = np.full((height, 2, 3), 255, dtype=np.uint8)
     return np.concatenate([panels[0], *(x for p in panels[1:] for x in (gap, p))], axis=1)

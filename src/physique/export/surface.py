@@ -51,9 +51,7 @@ def surface(run: Run, *, capsules: bool = False, colour: str = BODIES[0]) -> Sur
     Raises InputError where the skin is wanted and there is none.
     """
     person = capsule_surface(run.body) if capsules else skin_surface(skin_of(run), colour)
-    held = [
-        _rigid(held_mesh(geom), geom.joint, geom.rgb, person.joints) for geom in run.held()
-    ]
+    held = [_rigid(held_mesh(geom), geom.joint, geom.rgb, person.joints) for geom in run.held()]
     return _joined([person, *held])
 
 
@@ -98,7 +96,9 @@ def vertex_normals(vertices: Array, faces: NDArray[np.integer[Any]]) -> Array:
     """Unit normals (V, 3) of a mesh with vertices (V, 3), the mean of its faces' (F, 3) by area."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     of_face = np.cross(b - a, c - a)
-    sums = [np.bincount(faces.ravel(), np.repeat(of_face[:, k], 3), len(vertices)) for k in range(3)]
+    sums = [
+        np.bincount(faces.ravel(), np.repeat(of_face[:, k], 3), len(vertices)) for k in range(3)
+    ]
     normals = np.stack(sums, axis=1)
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     up = np.array([0.0, 0.0, 1.0])  # a vertex of no face has no normal, but must have one
