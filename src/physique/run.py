@@ -21,6 +21,7 @@ import numpy as np
 
 from physique.body.bodyfile import load_body, save_body
 from physique.body.capsule_body import CapsuleBody
+from physique.body.held import parse_held
 from physique.body.mesh import BodyMesh
 from physique.errors import InputError
 from physique.simulation.character import TIMESTEP, Character, load_character
@@ -84,8 +85,9 @@ class Run:
         identity = self.record["identity"]
         if identity.get("hold") is None:
             return ""
-        hand = "each hand" if identity["hand"] == "both" else f"the {identity['hand']} hand"
-        return f"{identity['hold']} in {hand}"
+        held = parse_held(identity["hold"], identity["hand"])
+        hand = "each hand" if held.hand == "both" else f"the {held.hand} hand"
+        return f"{held.shape} of {held.mass:g} kg ({held.size:g} m) in {hand}"
 
     @property
     def timestep(self) -> float:

@@ -9,7 +9,8 @@ import pytest
 
 from physique.body.capsule_body import CapsuleBody
 from physique.errors import InputError
-from physique.export.scene import labels, make_actor, stage, stage_runs
+from physique.export.layout import labels
+from physique.export.scene import make_actor, stage, stage_runs
 from physique.export.surface import capsule_surface
 from physique.run import Run
 from physique.tracking.trajectory import Trajectory
@@ -49,7 +50,7 @@ def test_figures_stand_side_by_side_in_the_picture(run: Run) -> None:
 
 def test_each_is_drawn_where_it_stands(run: Run) -> None:
     shapes = capsule_surface(run.body)
-    colours = ((0.9, 0.2, 0.2), (0.2, 0.2, 0.9))
+    colours = ("#e63333", "#3333e6")
     scene = stage(
         [make_actor(shapes, run.trajectory.q, colour=rgb) for rgb in colours], 100.0, SIZE
     )
@@ -65,7 +66,7 @@ def test_the_last_pose_stays_until_all_have_ended(run: Run) -> None:
     scene = stage_runs([run, shorter(run, 11)], SIZE, capsules=True)
     assert scene.frames == run.trajectory.frames
     short = scene.actors[1]
-    assert np.array_equal(short.vertices(10), short.vertices(40))
+    assert np.array_equal(short.vertices(10), short.vertices(50))
     assert not np.array_equal(short.vertices(9), short.vertices(10))
 
 

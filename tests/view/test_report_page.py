@@ -83,8 +83,8 @@ class Tab:
 
 
 @pytest.fixture(scope="module")
-def report(made_run: Run, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    runs = [made_run, renamed(made_run, body="heavy")]
+def report(run: Run, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    runs = [run, renamed(run, body="heavy")]
     return write_report(tmp_path_factory.mktemp("report") / "report.html", runs)
 
 
@@ -158,8 +158,8 @@ def test_fits_a_phone(browser: Any, report: Path, scheme: str) -> None:
         tab.play_on()
 
 
-def test_hostile_names_do_nothing(browser: Any, made_run: Run, tmp_path: Path) -> None:
-    evil = [renamed(made_run, clip=EVIL, body=f"{EVIL}{i}") for i in range(2)]
+def test_hostile_names_do_nothing(browser: Any, run: Run, tmp_path: Path) -> None:
+    evil = [renamed(run, clip=EVIL, body=f"{EVIL}{i}") for i in range(2)]
     with Tab(browser, write_report(tmp_path / "a.html", evil)) as tab:
         assert tab.page.locator("img").count() == 0
         assert EVIL in tab.page.locator("#figures").inner_text()

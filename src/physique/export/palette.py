@@ -11,7 +11,7 @@ from collections.abc import Iterable
 #: white, and light enough for lines on black; the first five differ with any colour vision.
 BODIES = ("#c69a7b", "#4a7fb8", "#9c4a3c", "#6aa897", "#b79ad6", "#5d6630")
 #: Of the motion that the body should follow, which is seen through.
-SOURCE, SOURCE_OPACITY = "#a3b1c4", 0.45
+SOURCE, SOURCE_OPACITY = "#a9afb8", 0.4
 #: Of shapes: of the middle of the body, of its left, of its right; as the character's model has.
 SIDES = ("#b89985", "#598cbf", "#cc7361")
 
