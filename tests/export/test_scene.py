@@ -7,20 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from physique.body.capsule_body import CapsuleBody
 from physique.errors import InputError
-from physique.export.layout import labels
 from physique.export.scene import make_actor, stage, stage_runs
 from physique.export.surface import capsule_surface
 from physique.run import Run
 from physique.tracking.trajectory import Trajectory
 
 SIZE = (200, 150)
-
-
-def renamed(run: Run, clip: str, body: str) -> Run:
-    capsules: CapsuleBody = replace(run.body, name=body)
-    return replace(run, record={"identity": {"clip": clip, "body": body}}, body=capsules)
 
 
 def shorter(run: Run, frames: int) -> Run:
@@ -68,13 +61,6 @@ def test_the_last_pose_stays_until_all_have_ended(run: Run) -> None:
     short = scene.actors[1]
     assert np.array_equal(short.vertices(10), short.vertices(50))
     assert not np.array_equal(short.vertices(9), short.vertices(10))
-
-
-def test_labels_tell_runs_apart(run: Run) -> None:
-    heavy, thin = renamed(run, "walk", "heavy"), renamed(run, "walk", "thin")
-    assert labels([heavy, thin]) == ["heavy", "thin"]
-    assert labels([heavy, renamed(run, "kick", "heavy")]) == ["walk on heavy", "kick on heavy"]
-    assert labels([heavy, heavy]) == ["walk on heavy (1)", "walk on heavy (2)"]
 
 
 def test_captions_can_be_left_out(run: Run) -> None:

@@ -31,10 +31,12 @@ def test_every_shape_has_its_volume_and_place(run: Run) -> None:
     of_face = owner[made.faces[:, 0]]
     for index, part in enumerate(run.body.parts):
         faces = made.faces[of_face == index]
+        on_it = made.vertices[owner == index]
+        assert np.abs(signed_distance(part, on_it)).max() < 1e-9, part.name
         a, b, c = (made.vertices[faces[:, k]] - part.center for k in range(3))
         tetrahedra = np.einsum("ij,ij->i", a, np.cross(b, c)) / 6
         exact = EXACT[part.shape](part.size)
-        tolerance = 1e-9 if part.shape == "box" else 0.04  # flat faces lie inside the round
+        tolerance = 1e-9 if part.shape == "box" else 0.12  # ten flat sides lie inside the round
         assert tetrahedra.sum() == pytest.approx(exact, rel=tolerance), part.name
         assert tetrahedra.min() > -1e-15  # every face looks away from the middle
         middle = (tetrahedra[:, None] * (a + b + c) / 4).sum(0) / tetrahedra.sum()
