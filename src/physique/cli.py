@@ -63,8 +63,7 @@ class Body:
     """Make the body of a person, say how well capsules stand for it, and store it.
 
     Args:
-        name: a ready body (see `physique bodies`) or a body file; or describe the person by sex,
-            height and mass, all three
+        name: a ready body (see `physique bodies`) or a body file; or describe the person
         sex: of the person
         height: stature, m
         mass: kg
@@ -74,9 +73,9 @@ class Body:
     """
 
     name: Annotated[Positional[str | None], left_out("[NAME]")] = None
-    sex: Annotated[Literal["male", "female"] | None, left_out("male|female")] = None
-    height: Annotated[float | None, left_out("METRES")] = None
-    mass: Annotated[float | None, left_out("KG")] = None
+    sex: Annotated[Literal["male", "female"] | None, left_out("male|female", "male")] = None
+    height: Annotated[float | None, left_out("METRES", "1.75")] = None
+    mass: Annotated[float | None, left_out("KG", "75")] = None
     json: Flag = False
     out: Annotated[Path | None, left_out("FILE.npz")] = None
     picture: Annotated[Path | None, left_out("FILE.png")] = None

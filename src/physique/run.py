@@ -199,6 +199,11 @@ def load_run(folder: PathLike) -> Run:
         raise InputError(
             str(folder / TRAJECTORY), f"no {', '.join(missing)}", "all arrays", "make the run anew"
         )
+    metrics = read_json(folder / METRICS)
+    if not isinstance(metrics, dict) or not {"success", "seconds", "windows"} <= metrics.keys():
+        raise InputError(
+            str(folder / METRICS), "other data", "metrics of a run", "make the run anew"
+        )
     try:
         xml = (folder / CHARACTER).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as fault:
@@ -208,7 +213,7 @@ def load_run(folder: PathLike) -> Run:
     mesh, body = load_body(folder / BODY)
     return Run(
         record=record,
-        metrics=read_json(folder / METRICS),
+        metrics=metrics,
         trajectory=Trajectory(**{name: arrays[name] for name in names}),
         character_xml=xml,
         body=body,

@@ -198,6 +198,8 @@ def test_runs_without_motion_and_no_runs_are_refused(run: Run, tmp_path: Path) -
         write_report(tmp_path / "a.html", [short])
     with pytest.raises(InputError, match="no run"):
         write_report(tmp_path / "a.html", [])
+    with pytest.raises(InputError, match=r"ends in \.html"):
+        write_report(tmp_path / "a.pdf", [run])
     assert list(tmp_path.iterdir()) == []
 
 

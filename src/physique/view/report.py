@@ -23,7 +23,7 @@ from physique.export.gltf import glb_bytes
 from physique.export.layout import labels, side_by_side, strength
 from physique.export.palette import body as colour
 from physique.run import Run, load_run
-from physique.store import PathLike, write_atomic
+from physique.store import PathLike, prepare_folder, write_atomic
 from physique.view.difficulty import LEVELS
 from physique.view.signals import names, signals
 from physique.view.words import Row, lost_at, rows, settings, verdict
@@ -41,8 +41,14 @@ def write_report(path: PathLike, runs: Sequence[Run | PathLike]) -> Path:
 
     The file loads nothing: models, data and scripts are in it, and a content security policy
     forbids the rest. Raises InputError for a folder without a finished run, for a run that ended
-    before its first step, and where the file cannot be written.
+    before its first step, for a path that does not end in .html, and where the file cannot be
+    written.
     """
+    path = Path(path)
+    if path.suffix.lower() not in (".html", ".htm"):
+        raise InputError(
+            str(path), f"suffix {path.suffix!r}", "a file that ends in .html", "correct the path"
+        )
     loaded = [run if isinstance(run, Run) else load_run(run) for run in runs]
     page = report_html(loaded).encode()
     if len(page) > MOST_BYTES * len(loaded):
@@ -50,7 +56,7 @@ def write_report(path: PathLike, runs: Sequence[Run | PathLike]) -> Path:
             "%s has %.1f MB, more than %.0f a run: a skin of many vertices",
             path, len(page) / 1e6, MOST_BYTES / 1e6,
         )  # fmt: skip
-    path = Path(path)
+    prepare_folder(path.parent)
     write_atomic(path, page)
     return path
 
