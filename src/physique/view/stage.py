@@ -110,7 +110,7 @@ class Lane:
     def __init__(self, scene: Any, run: Run, index: int, many: int) -> None:
         start = run.trajectory.reference_q[0, :2]
         # The first body stands leftmost as seen from in front of it.
-        across = LANE * (0.5 * (many - 1) - index)
+        across = LANE * (index - 0.5 * (many - 1))
         self.offset = np.array([-start[0], across - start[1], 0.0])
         self._root = scene.add_frame(f"/stage/{index}", show_axes=False, position=self.offset)
         self._beside = scene.add_frame(f"/stage/{index}/ghost", show_axes=False)
@@ -170,7 +170,7 @@ class Lane:
             prop.show(poses)
         for prop in self._ghost_props:
             prop.show(ghost)
-        self._beside.position = (0.0, 0.5 * LANE if beside else 0.0, 0.0)
+        self._beside.position = (0.0, -0.5 * LANE if beside else 0.0, 0.0)
         self._label.position = (poses[0, 0], poses[0, 1], self._height + 0.25)
 
     def show_push(self, point: Array | None, impulse: Array | None) -> None:
