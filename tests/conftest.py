@@ -5,20 +5,27 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from physique import metrics
 from physique.body.build import capsule_body
+from physique.body.held import Held, parse_held
 from physique.body.named import named_body
 from physique.motion.read import read_motion
 from physique.run import Run
 from physique.simulation.character import Character, make_character
 from physique.simulation.quiet import quiet
+from physique.simulation.rollout import simulate, within_limits
+from physique.simulation.start import start_state
 from physique.tracking.costs import Weights
 from physique.tracking.reference import Reference, make_reference
 from physique.tracking.trajectory import join
 from physique.tracking.windows import Window
+
+Array = NDArray[np.float64]
 
 MOCAP = Path(__file__).resolve().parents[2] / "shared" / "mocap"
 
@@ -51,36 +58,50 @@ def walk(character: Character) -> Reference:
 
 
 @pytest.fixture(scope="session")
-def made_run(character: Character, walk: Reference) -> Run:
-    """A run of half a second that nothing simulated: the walk with a sway, all its parts in place.
+def run(character: Character, walk: Reference) -> Run:
+    """A run of half a second, for tests of what is done with a run.
 
-    For tests of what is done with a run: `trajectory.q` differs from `reference_q`, two windows,
-    the second of them hard, torques of which some are at their limit.
+    Real physics without an optimiser: the average body, led by the angles of the walk alone. Two
+    windows, the second of them hard.
     """
+    return follow(character, walk)
+
+
+@pytest.fixture(scope="session")
+def armed_run(character: Character, walk: Reference) -> Run:
+    """The same with a stick in the right hand."""
+    held = parse_held("stick:2kg", "right")
+    return follow(make_character(character.body, 100.0, held), walk, held)
+
+
+def follow(character: Character, walk: Reference, held: Held | None = None) -> Run:
+    """Let the character follow the reference's angles, and measure it as a run is measured."""
     frames = 51
-    random = np.random.default_rng(5)
-    q = walk.q[:frames].copy()
-    sway = np.linspace(0.0, 0.2, frames)
-    q[:, 1] += 0.1 * sway
-    q[:, 7:] += sway[:, None] * random.normal(size=50)
-    share = np.clip(random.normal(scale=0.4, size=(frames - 1, 50)), -1.0, 1.0)
+    q0, v0 = start_state(character, walk.q[0], walk.v[0], walk.contacts[0])
+
+    def lead(t: int, q: Array, v: Array) -> Array:
+        return within_limits(character, walk.q[t + 1, 7:], q, v)
+
+    made = simulate(character, mujoco.MjData(character.model), q0, v0, frames - 1, lead)
+    assert not made.diverged
     parts = [(0, 30, {"com": 0.2, "pose": 0.5}), (30, 50, {"com": 11.0, "pose": 14.0})]
     windows = [
         Window(
-            start=start, stop=stop, q=q[start : stop + 1], v=walk.v[start : stop + 1],
-            control=q[start + 1 : stop + 1, 7:],
-            torque=share[start:stop] * character.torque_limit, shift=np.zeros(2),
-            tail_q=q[-2:], tail_v=walk.v[:2], tail_control=q[-2:, 7:], terms=terms,
+            start=start, stop=stop, q=made.q[start : stop + 1], v=made.v[start : stop + 1],
+            control=made.control[start:stop], torque=made.torque[start:stop], shift=np.zeros(2),
+            tail_q=made.q[-2:], tail_v=made.v[-2:], tail_control=made.control[-2:], terms=terms,
             cost=sum(terms.values()), iterations=3, sim_steps=100, status="converged",
         )
         for start, stop, terms in parts
     ]  # fmt: skip
-    trajectory = join(walk, q[0], walk.v[0], windows)
+    trajectory = join(walk, made.q[0], made.v[0], windows)
     measured = metrics.measure(character, walk, trajectory, windows, Weights())
     effort = {"sim_steps": 200, "sim_steps_per_motion_s": 400.0, "wall_s": 1.0}
     return Run(
         record={
             "identity": {"clip": "walk", "body": "average", "optimizer": "fast", "seed": 0,
+                         "hold": None if held is None else str(held),
+                         "hand": None if held is None else held.hand,
                          "versions": {"physique": "0", "mujoco": "0"}},
             "clip_source": "walk (embedded)",
         },

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import pytest
 from hypothesis import given
@@ -18,43 +17,19 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 import physique
-from physique.body.build import capsule_body
-from physique.body.named import named_body
 from physique.cli import Export, main, parse
 from physique.errors import InputError
 from physique.exporting import SUFFIXES, Format, export_run, file_names
 from physique.motion.bvh import read_bvh
 from physique.run import Run, finish_run, load_run
-from physique.simulation.character import make_character
-from physique.simulation.rollout import simulate, within_limits
 from physique.tracking.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
 
 @pytest.fixture(scope="module")
-def run() -> Run:
-    """A body that is let down onto its feet, 0.1 s."""
-    mesh = named_body("average")
-    body = capsule_body(mesh)
-    character = make_character(body, 150.0)
-    q = np.zeros(57)
-    q[:3], q[3] = body.joints[0], 1.0
-
-    def hold(t: int, q: Array, v: Array) -> Array:
-        return within_limits(character, np.zeros(50), q, v)
-
-    made = simulate(character, mujoco.MjData(character.model), q, np.zeros(56), 10, hold)
-    reference = made.q.copy()
-    reference[:, 0] += 0.25
-    motion = Trajectory(np.arange(11) * 0.01, made.q, made.v, made.control, made.torque, reference)
-    record = {"identity": {"clip": "stand", "body": "average"}}
-    return Run(record, {"success": True}, motion, character.xml, body, mesh)
-
-
-@pytest.fixture(scope="module")
 def folder(run: Run, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("runs") / "stand"
+    path = tmp_path_factory.mktemp("runs") / "walk"
     path.mkdir()
     finish_run(path, run)
     return path
@@ -107,17 +82,18 @@ def test_bvh_holds_the_simulation_or_the_source(run: Run, tmp_path: Path) -> Non
         for source in (False, True)
     ]
     roots = [read_bvh(path) for path in made]
-    lines = [path.read_text().splitlines()[-11:] for path in made]
+    lines = [path.read_text().splitlines()[-run.trajectory.frames :] for path in made]
     places = [np.array([[float(x) for x in line.split()[:3]] for line in part]) for part in lines]
     assert len(roots) == 2
     # Centimetres, with the world's x along the file's z.
-    assert places[1][:, 2] - places[0][:, 2] == pytest.approx(25.0, abs=1e-3)
-    assert places[0][:, 1] == pytest.approx(100 * run.trajectory.q[:, 2], abs=1e-3)
+    for place, q in zip(places, (run.trajectory.q, run.trajectory.reference_q)):
+        assert place[:, 2] == pytest.approx(100 * q[:, 0], abs=1e-3)
+        assert place[:, 1] == pytest.approx(100 * q[:, 2], abs=1e-3)
 
 
 def test_several_runs_share_a_file_or_go_to_a_folder(run: Run, tmp_path: Path) -> None:
     files = export_run([run, run], "csv", tmp_path / "tables")
-    assert [path.name for path in files] == ["stand_on_average.csv", "stand_on_average_2.csv"]
+    assert [path.name for path in files] == ["walk_on_average.csv", "walk_on_average_2.csv"]
     assert all(path.is_file() for path in files)
     assert len(export_run([run, run], "usd", tmp_path / "both.usd")) == 1
     with pytest.raises(InputError, match="one file for 2 runs"):

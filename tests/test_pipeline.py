@@ -217,7 +217,7 @@ def test_a_held_object_is_in_the_run_and_in_its_model(loaded: Run, body: Capsule
     assert stored.metrics["body_mass_kg"] == body.mass
     assert stored.record["identity"]["hold"] == "stick:5.0kg:1.0m"
     assert stored.record["identity"]["hand"] == "right"
-    assert stored.name == "walk on average, stick:5.0kg:1.0m in the right hand"
+    assert stored.name == "walk on average, stick of 5 kg (1 m) in the right hand"
     # The skeleton that is exported is the person's.
     assert physique.read_motion(Path(str(loaded.folder)) / "motion.bvh").frames > 0
 

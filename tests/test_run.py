@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from physique.errors import InputError
-from physique.run import Checkpoint, open_run, save_window
+from physique.run import Checkpoint, Run, finish_run, load_run, open_run, save_window
+from physique.store import write_json
 from physique.tracking.windows import Window
 
 RECORD: dict[str, Any] = {"identity": {"clip": "walk", "seed": 0, "start": None}, "threads": 1}
@@ -139,6 +140,13 @@ def test_files_of_a_run_without_a_record_are_not_overwritten(tmp_path: Path) -> 
     with pytest.raises(InputError, match="files of a run"):
         open_run(tmp_path, RECORD, resume=False, overwrite=False)
     assert (tmp_path / "motion.bvh").read_text() == "mine"
+
+
+def test_metrics_of_something_else_are_named(run: Run, tmp_path: Path) -> None:
+    finish_run(tmp_path, run)
+    write_json(tmp_path / "metrics.json", {})
+    with pytest.raises(InputError, match=r"metrics\.json: found other data"):
+        load_run(tmp_path)
 
 
 def test_a_damaged_record_is_named(tmp_path: Path) -> None:

@@ -18,7 +18,17 @@ from tyro.conf import FlagCreatePairsOff, Positional, UseAppendAction, arg
 from physique import console
 from physique.errors import InputError
 
-Number = Annotated[float | None, arg(metavar="NUMBER")]
+
+def left_out(metavar: str, what: str | None = None) -> object:
+    """How an option is shown whose default is None: what happens then, if that is to be said."""
+    return arg(metavar=metavar, help_behavior_hint=f"(default: {what})" if what else "(optional)")
+
+
+Flag = Annotated[bool, arg(help_behavior_hint="")]
+Runs = Annotated[
+    Positional[tuple[Path, ...]], arg(metavar="RUN [RUN ...]", help_behavior_hint="(required)")
+]
+Threads = Annotated[int | None, left_out("COUNT", "as many as the machine has, at most 8")]
 
 
 @dataclass(frozen=True)
@@ -53,22 +63,22 @@ class Body:
     """Make the body of a person, say how well capsules stand for it, and store it.
 
     Args:
-        name: a ready body (see `physique bodies`) or a body file; otherwise describe the person
+        name: a ready body (see `physique bodies`) or a body file; or describe the person
         sex: of the person
-        height: stature in metres
-        mass: in kilograms
+        height: stature, m
+        mass: kg
         json: print JSON instead of a table
-        out: write the body to this file (.npz)
-        picture: draw the body and its capsules into this file (.png)
+        out: write the body to this file
+        picture: draw the body and its capsules into this file
     """
 
-    name: Annotated[Positional[str | None], arg(metavar="[NAME]")] = None
-    sex: Literal["male", "female"] | None = None
-    height: Annotated[float | None, arg(metavar="METRES")] = None
-    mass: Annotated[float | None, arg(metavar="KG")] = None
-    json: bool = False
-    out: Annotated[Path | None, arg(metavar="FILE.npz")] = None
-    picture: Annotated[Path | None, arg(metavar="FILE.png")] = None
+    name: Annotated[Positional[str | None], left_out("[NAME]")] = None
+    sex: Annotated[Literal["male", "female"] | None, left_out("male|female", "male")] = None
+    height: Annotated[float | None, left_out("METRES", "1.75")] = None
+    mass: Annotated[float | None, left_out("KG", "75")] = None
+    json: Flag = False
+    out: Annotated[Path | None, left_out("FILE.npz")] = None
+    picture: Annotated[Path | None, left_out("FILE.png")] = None
 
     def run(self) -> None:
         """Make, store and show it."""
@@ -93,16 +103,16 @@ class Retarget:
         body: a ready body (see `physique bodies`) or a body file
         out: the folder for the results
         fps: the recording's true frames a second, where its header is wrong
-        start: begin of the part to perform, in seconds
-        end: end of the part to perform, in seconds
+        start: begin of the part to perform, s
+        end: end of the part to perform, s
         optimizer: fast uses derivatives of the simulator; paper is CMA as published, and slow
         torque_limit: body, for limits that fit mass and stature, or Nm for all joints
-        horizon: seconds that each window looks ahead
+        horizon: what each window looks ahead, s
         weight: weight of a term of the cost: com, com_velocity, pose, velocity, root or
-            acceleration; may be given again for others
+            acceleration; once for each term
         hold: an object: stick or block, mass and, if wanted, size, such as stick:2.0kg (1 m long),
             stick:2.0kg:1.2m, block:5kg (a cube of 0.2 m) or block:5kg:0.3m
-        hand: that holds it, right if left out; both is one such object in each hand
+        hand: that holds it; both is one such object in each hand
         seed: of all random draws
         mapping: names the joints of a skeleton that is not recognised (docs/motion.md)
         threads: that simulate; they do not change the result
@@ -113,20 +123,25 @@ class Retarget:
     clip: Annotated[Positional[str], arg(metavar="CLIP")]
     body: Annotated[str, arg(metavar="NAME|FILE.npz")]
     out: Annotated[Path, arg(metavar="DIR")]
-    fps: Number = None
-    start: Annotated[float | None, arg(metavar="SECONDS")] = None
-    end: Annotated[float | None, arg(metavar="SECONDS")] = None
+    fps: Annotated[float | None, left_out("NUMBER", "as the header says")] = None
+    start: Annotated[float | None, left_out("SECONDS", "the clip's begin")] = None
+    end: Annotated[float | None, left_out("SECONDS", "the clip's end")] = None
     optimizer: Literal["fast", "paper"] = "fast"
     torque_limit: Annotated[Literal["body"] | float, arg(metavar="body|NM")] = "body"
-    horizon: Annotated[float | None, arg(metavar="SECONDS")] = None
-    weight: Annotated[UseAppendAction[tuple[str, ...]], arg(metavar="NAME=NUMBER")] = ()
-    hold: Annotated[str | None, arg(metavar="SHAPE:MASS[:SIZE]")] = None
-    hand: Annotated[Literal["right", "left", "both"] | None, arg(metavar="right|left|both")] = None
-    seed: int = 0
-    mapping: Annotated[Path | None, arg(metavar="FILE.toml")] = None
-    threads: Annotated[int | None, arg(metavar="COUNT")] = None
-    resume: bool = False
-    overwrite: bool = False
+    horizon: Annotated[float | None, left_out("SECONDS", "0.8")] = None
+    weight: Annotated[
+        UseAppendAction[tuple[str, ...]],
+        arg(metavar="NAME=NUMBER", help_behavior_hint="(default: the paper's; repeatable)"),
+    ] = ()
+    hold: Annotated[str | None, left_out("SHAPE:MASS[:SIZE]", "empty hands")] = None
+    hand: Annotated[
+        Literal["right", "left", "both"] | None, left_out("right|left|both", "right")
+    ] = None
+    seed: Annotated[int, arg(metavar="NUMBER")] = 0
+    mapping: Annotated[Path | None, left_out("FILE.toml")] = None
+    threads: Threads = None
+    resume: Flag = False
+    overwrite: Flag = False
 
     def run(self) -> None:
         """Retarget and show the metrics."""
@@ -165,21 +180,27 @@ class Export:
     Args:
         runs: folders of runs; several share one file in glb, usd and mp4
         out: the file; for several runs in other formats, a folder
-        format: what to write; left out, the suffix of --out says it
+        format: what to write: glb, bvh, usd, amass, mjcf, mp4 or csv
         source: the source motion too, as a ghost (glb, usd, mp4) or more columns (csv), or in
             place of the simulated one (bvh, amass, mjcf)
         capsules: the simulator's shapes in place of the skin (glb, usd, mp4)
-        rate: pictures (mp4) or keyframes (mjcf) a second; 25 if left out
+        rate: pictures (mp4) or keyframes (mjcf) a second
         size: width and height of the video, pixels
     """
 
-    runs: Annotated[Positional[tuple[Path, ...]], arg(metavar="RUN [RUN ...]")]
+    runs: Runs
     out: Annotated[Path, arg(metavar="FILE")]
-    format: Literal["glb", "bvh", "usd", "amass", "mjcf", "mp4", "csv"] | None = None
-    source: bool = False
-    capsules: bool = False
-    rate: Annotated[float | None, arg(metavar="NUMBER")] = None
-    size: Annotated[tuple[int, int] | None, arg(metavar="WIDTH HEIGHT")] = None
+    format: Annotated[
+        Literal["glb", "bvh", "usd", "amass", "mjcf", "mp4", "csv"] | None,
+        left_out("FORMAT", "as the suffix of --out says"),
+    ] = None
+    source: Flag = False
+    capsules: Flag = False
+    rate: Annotated[float | None, left_out("NUMBER", "25")] = None
+    size: Annotated[
+        tuple[int, int] | None,
+        left_out("WIDTH HEIGHT", "640 480, 960 480 for three figures or more"),
+    ] = None
 
     def run(self) -> None:
         """Write them and say where they are."""
@@ -206,7 +227,7 @@ class Report:
         out: the page
     """
 
-    runs: Annotated[Positional[tuple[Path, ...]], arg(metavar="RUN [RUN ...]")]
+    runs: Runs
     out: Annotated[Path, arg(metavar="FILE.html")]
 
     def run(self) -> None:
@@ -226,7 +247,7 @@ class Demo:
     """
 
     out: Annotated[Path, arg(metavar="DIR")] = Path("out/demo")
-    threads: Annotated[int | None, arg(metavar="COUNT")] = None
+    threads: Threads = None
 
     def run(self) -> None:
         """Run and show it."""
@@ -240,15 +261,15 @@ class Demo:
 
 @dataclass(frozen=True)
 class View:
-    """Serve a page that plays runs side by side, and lets you push the bodies.
+    """Serve a page that plays runs, and lets people push the bodies (docs/view.md).
 
     Args:
-        runs: folders of runs
+        runs: folders of runs, at most six, side by side
         port: to serve on; 0 takes a free one
         host: to serve on; anything but 127.0.0.1 opens the page to others
     """
 
-    runs: Annotated[Positional[tuple[Path, ...]], arg(metavar="RUN [RUN ...]")]
+    runs: Runs
     port: Annotated[int, arg(metavar="PORT")] = 8080
     host: Annotated[str, arg(metavar="ADDRESS")] = "127.0.0.1"
 
@@ -299,10 +320,10 @@ class Grow:
     interval: Annotated[float, arg(metavar="SECONDS")] = 0.1
     forces: Annotated[str, arg(metavar="N,N,N")] = "150,300,500"
     trials: Annotated[int, arg(metavar="COUNT")] = 8
-    workers: Annotated[int | None, arg(metavar="COUNT")] = None
+    workers: Annotated[int | None, left_out("COUNT", "as many as the machine has")] = None
     seed: int = 0
     connector: Literal["fast", "paper"] = "fast"
-    resume: bool = False
+    resume: Flag = False
 
     def run(self) -> None:
         """Grow it and show what it is like."""
@@ -331,8 +352,8 @@ class Push:
         trials: pushes, one a trial
         seed: of the pushes
         controller: pd has no feedback, lqr follows the motion, tree looks for the best node
-        from_: earliest time of a push, seconds; the motion's beginning if left out
-        to: latest time of a push, seconds; 1.5 s before the motion's end if left out
+        from_: earliest time of a push, in seconds
+        to: latest time of a push, in seconds
         json: print JSON instead of a table
     """
 
@@ -341,10 +362,16 @@ class Push:
     duration: Annotated[float, arg(metavar="SECONDS")] = 0.1
     trials: Annotated[int, arg(metavar="COUNT")] = 100
     seed: int = 0
-    controller: Literal["pd", "lqr", "tree"] | None = None
-    from_: Annotated[float | None, arg(metavar="SECONDS", name="from")] = None
-    to: Annotated[float | None, arg(metavar="SECONDS")] = None
-    json: bool = False
+    controller: Annotated[
+        Literal["pd", "lqr", "tree"] | None,
+        left_out("pd|lqr|tree", "the tree where there is one, else lqr"),
+    ] = None
+    from_: Annotated[
+        float | None,
+        arg(metavar="SECONDS", name="from", help_behavior_hint="(default: the beginning)"),
+    ] = None
+    to: Annotated[float | None, left_out("SECONDS", "1.5 s before the end")] = None
+    json: Flag = False
 
     def run(self) -> None:
         """Push it and show how it stood that."""

@@ -46,11 +46,12 @@ def say(text: str) -> None:
 
 def usage_error(text: str) -> InputError:
     """What the argument parser says in a box of many lines, as one."""
-    words = " ".join(re.sub(r"[─│╭╮╰╯]+", " ", text).split())
+    lines = [line for line in text.splitlines() if not line.startswith("╭")]  # but the box's title
+    words = " ".join(re.sub(r"[─│╰╯]+", " ", " ".join(lines)).split())
     for rest in ("Got errors:", "Argument helptext:", "For full helptext"):
         words = words.split(rest)[0]
-    for head in ("Value error", "Required options", "Missing subcommand", "Unrecognized options"):
-        words = words.removeprefix(head)
+    # What stands for an option that is left out cannot be given.
+    words = words.replace("'None', ", "").replace(", 'None')", ")")
     return InputError(
         "command line", words.strip(" .") or "a fault", "options as in the help",
         "see `physique --help` or `physique COMMAND --help`",

@@ -23,6 +23,16 @@ def normalize(q: Array) -> Array:
     return positive(q / np.linalg.norm(q, axis=-1, keepdims=True))
 
 
+def continuous(q: Array) -> Array:
+    """The same rotations (T, ..., 4) over time with signs that follow on, for who blends numbers.
+
+    Interpolation between such quaternions goes the shorter way, in whatever program.
+    """
+    flips = np.sum(q[1:] * q[:-1], axis=-1, keepdims=True) < 0
+    odd = np.cumsum(flips, axis=0) % 2 == 1
+    return np.concatenate([q[:1], np.where(odd, -q[1:], q[1:])])
+
+
 def multiply(a: Array, b: Array) -> Array:
     """Hamilton product (..., 4): first b, then a."""
     aw, ax, ay, az = np.moveaxis(np.asarray(a), -1, 0)

@@ -21,9 +21,11 @@ import numpy as np
 
 from physique.body.bodyfile import load_body, save_body
 from physique.body.capsule_body import CapsuleBody
+from physique.body.held import parse_held
 from physique.body.mesh import BodyMesh
 from physique.errors import InputError
 from physique.simulation.character import TIMESTEP, Character, load_character
+from physique.simulation.held import HeldGeom, held_geoms
 from physique.store import (
     PathLike,
     prepare_folder,
@@ -75,12 +77,18 @@ class Run:
     @property
     def name(self) -> str:
         """Clip and body, and what it holds."""
+        name = f"{self.record['identity']['clip']} on {self.body.name}"
+        return f"{name}, {self.holding}" if self.holding else name
+
+    @property
+    def holding(self) -> str:
+        """What it holds, in words; nothing for empty hands."""
         identity = self.record["identity"]
-        name = f"{identity['clip']} on {self.body.name}"
         if identity.get("hold") is None:
-            return name
-        hand = "each hand" if identity["hand"] == "both" else f"the {identity['hand']} hand"
-        return f"{name}, {identity['hold']} in {hand}"
+            return ""
+        held = parse_held(identity["hold"], identity["hand"])
+        hand = "each hand" if held.hand == "both" else f"the {held.hand} hand"
+        return f"{held.shape} of {held.mass:g} kg ({held.size:g} m) in {hand}"
 
     @property
     def timestep(self) -> float:
@@ -91,6 +99,10 @@ class Run:
     def character(self) -> Character:
         """The body as it was simulated."""
         return load_character(self.character_xml, self.body)
+
+    def held(self) -> tuple[HeldGeom, ...]:
+        """The shapes of what it holds."""
+        return held_geoms(self.character().model)
 
 
 @dataclass(frozen=True)
@@ -188,6 +200,11 @@ def load_run(folder: PathLike) -> Run:
         raise InputError(
             str(folder / TRAJECTORY), f"no {', '.join(missing)}", "all arrays", "make the run anew"
         )
+    metrics = read_json(folder / METRICS)
+    if not isinstance(metrics, dict) or not {"success", "seconds", "windows"} <= metrics.keys():
+        raise InputError(
+            str(folder / METRICS), "other data", "metrics of a run", "make the run anew"
+        )
     try:
         xml = (folder / CHARACTER).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as fault:
@@ -197,7 +214,7 @@ def load_run(folder: PathLike) -> Run:
     mesh, body = load_body(folder / BODY)
     return Run(
         record=record,
-        metrics=read_json(folder / METRICS),
+        metrics=metrics,
         trajectory=Trajectory(**{name: arrays[name] for name in names}),
         character_xml=xml,
         body=body,

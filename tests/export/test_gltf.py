@@ -22,9 +22,11 @@ from physique import skeleton
 from physique.body.primitives import primitive_mesh
 from physique.errors import InputError
 from physique.export.bvh import R_FILE_FROM_WORLD
-from physique.export.gltf import glb_bytes, limit_weights, vertex_normals, write_glb
-from physique.export.layout import linear_rgb, side_by_side
+from physique.export.gltf import glb_bytes, limit_weights, write_glb
+from physique.export.layout import side_by_side
+from physique.export.palette import SOURCE, linear_rgb, of_rgb
 from physique.export.skin import joint_transforms, skin_vertices
+from physique.export.surface import held_mesh, vertex_normals
 from physique.run import Run
 
 WEB = Path(__file__).parents[2] / "tools" / "web"
@@ -97,17 +99,17 @@ def family(run: Run) -> list[Run]:
     return [run, dataclasses.replace(run, body=heavy)]
 
 
-def test_vertices_of_the_file_are_those_of_the_skin(made_run: Run) -> None:
-    assert made_run.mesh is not None
-    reader = Reader(glb_bytes([made_run], source=True))
-    few = (made_run.mesh.weights > 0).sum(axis=1) <= 4
+def test_vertices_of_the_file_are_those_of_the_skin(run: Run) -> None:
+    assert run.mesh is not None
+    reader = Reader(glb_bytes([run], source=True))
+    few = (run.mesh.weights > 0).sum(axis=1) <= 4
     for name, q in (
-        (f"{made_run.name}, skin", made_run.trajectory.q),
-        (f"{made_run.name}, source, skin", made_run.trajectory.reference_q),
+        (f"{run.name}, skin", run.trajectory.q),
+        (f"{run.name}, source, skin", run.trajectory.reference_q),
     ):
         for frame in (0, 23, 50):
             found = reader.skinned(name, frame * 0.01)
-            wanted = skin_vertices(made_run.mesh, q[frame : frame + 1])[0]
+            wanted = skin_vertices(run.mesh, q[frame : frame + 1])[0]
             error = np.linalg.norm(found - wanted, axis=1)
             assert error[few].max() < 1e-4
             # 3 % of the vertices, at armpits and groin, follow five joints or more.
@@ -115,14 +117,14 @@ def test_vertices_of_the_file_are_those_of_the_skin(made_run: Run) -> None:
             assert error.max() < 2e-2
 
 
-def test_capsules_follow_their_joints(made_run: Run) -> None:
-    reader = Reader(glb_bytes([made_run], surface="capsules"))
+def test_capsules_follow_their_joints(run: Run) -> None:
+    reader = Reader(glb_bytes([run], surface="capsules"))
     assert "skins" not in reader.json
-    assert made_run.mesh is not None
+    assert run.mesh is not None
     world = reader.world(0.2)
-    placed = joint_transforms(made_run.mesh, made_run.trajectory.q[20:21])[0]
+    placed = joint_transforms(run.mesh, run.trajectory.q[20:21])[0]
     for joint, part, rest, place in zip(
-        skeleton.JOINTS, made_run.body.parts, made_run.body.joints, placed, strict=True
+        skeleton.JOINTS, run.body.parts, run.body.joints, placed, strict=True
     ):
         found = next(
             i for i, n in enumerate(reader.json["nodes"]) if n["name"] == f"capsule {joint}"
@@ -135,8 +137,28 @@ def test_capsules_follow_their_joints(made_run: Run) -> None:
         assert np.abs(points - wanted).max() < 1e-4
 
 
-def test_several_runs_stand_beside_each_other(made_run: Run) -> None:
-    runs = family(made_run)
+@pytest.mark.parametrize("surface", ["skin", "capsules", "both"])
+def test_a_stick_follows_the_wrist(armed_run: Run, surface: Any) -> None:
+    reader = Reader(glb_bytes([armed_run], source=True, surface=surface))
+    (geom,) = armed_run.held()
+    vertices, _ = held_mesh(geom, 0.035)
+    sticks = [i for i, node in enumerate(reader.json["nodes"]) if node["name"] == "held_right"]
+    assert len(sticks) == 2
+    colours = []
+    for node, q in zip(sticks, (armed_run.trajectory.q, armed_run.trajectory.reference_q)):
+        (primitive,) = reader.json["meshes"][reader.json["nodes"][node]["mesh"]]["primitives"]
+        local = reader.values(primitive["attributes"]["POSITION"])
+        for frame in (0, 30, 50):
+            world = reader.world(frame * 0.01)[node]
+            points = (local @ world[:3, :3].T + world[:3, 3]) @ R_FILE_FROM_WORLD
+            wrist = joint_transforms(armed_run.body, q[frame : frame + 1])[0, geom.joint]
+            assert np.abs(points - (vertices @ wrist[:, :3].T + wrist[:, 3])).max() < 1e-4
+        colours.append(reader.json["materials"][primitive["material"]]["name"])
+    assert colours == [of_rgb(geom.rgb), SOURCE]
+
+
+def test_several_runs_stand_beside_each_other(run: Run) -> None:
+    runs = family(run)
     reader = Reader(glb_bytes(runs))
     shifts = side_by_side(runs)
     spans = []
@@ -150,19 +172,19 @@ def test_several_runs_stand_beside_each_other(made_run: Run) -> None:
     assert side_by_side(runs[:1]).tolist() == [[0, 0, 0]]
 
 
-def test_compact_files_of_fewer_frames_show_the_same_motion(made_run: Run) -> None:
-    whole, small = glb_bytes([made_run]), glb_bytes([made_run], compact=True, keep_every=4)
+def test_compact_files_of_fewer_frames_show_the_same_motion(run: Run) -> None:
+    whole, small = glb_bytes([run]), glb_bytes([run], compact=True, keep_every=4)
     assert len(small) < len(whole)
-    name = f"{made_run.name}, skin"
+    name = f"{run.name}, skin"
     for at in (0.0, 0.24, 0.5):  # the last frame is kept, though 50 is not divisible by 4
         error = Reader(whole).skinned(name, at) - Reader(small).skinned(name, at)
         assert np.abs(error).max() < 3e-4
 
 
 def test_a_body_without_skin_is_refused_unless_capsules_are_asked_for(
-    made_run: Run, tmp_path: Path
+    run: Run, tmp_path: Path
 ) -> None:
-    bare = dataclasses.replace(made_run, mesh=None)
+    bare = dataclasses.replace(run, mesh=None)
     with pytest.raises(InputError, match="without a skin"):
         write_glb(tmp_path / "a.glb", [bare])
     assert list(tmp_path.iterdir()) == []
@@ -171,8 +193,8 @@ def test_a_body_without_skin_is_refused_unless_capsules_are_asked_for(
         glb_bytes([])
 
 
-def test_ten_seconds_take_less_than_three(made_run: Run, tmp_path: Path) -> None:
-    motion = made_run.trajectory
+def test_ten_seconds_take_less_than_three(run: Run, tmp_path: Path) -> None:
+    motion = run.trajectory
     frames = 1001
     index = np.abs((np.arange(frames) + 50) % 100 - 50)  # there and back
     long = dataclasses.replace(
@@ -182,7 +204,7 @@ def test_ten_seconds_take_less_than_three(made_run: Run, tmp_path: Path) -> None
         reference_q=motion.reference_q[index],
     )
     begin = time.perf_counter()
-    write_glb(tmp_path / "a.glb", [dataclasses.replace(made_run, trajectory=long)], source=True)
+    write_glb(tmp_path / "a.glb", [dataclasses.replace(run, trajectory=long)], source=True)
     assert time.perf_counter() - begin < 3.0
 
 
@@ -203,9 +225,9 @@ def test_weights_are_the_four_largest_and_sum_to_one(seed: int, count: int) -> N
     assert np.abs(np.where(stored > 0, taken - kept, 0)).max() < 1e-12
 
 
-def test_normals_of_a_ball_point_outward(made_run: Run) -> None:
+def test_normals_of_a_ball_point_outward(run: Run) -> None:
     ball = dataclasses.replace(
-        made_run.body.parts[20], shape="ellipsoid", size=np.full(3, 0.1), center=np.zeros(3)
+        run.body.parts[20], shape="ellipsoid", size=np.full(3, 0.1), center=np.zeros(3)
     )
     vertices, faces = primitive_mesh(ball, 0.01)
     assert np.abs(vertex_normals(vertices, faces) - vertices / 0.1).max() < 0.02
@@ -215,27 +237,27 @@ def test_colours_are_linear_in_the_file() -> None:
     assert linear_rgb("#ff8000") == pytest.approx([1.0, 0.2158605, 0.0], abs=1e-6)
 
 
-def test_another_reader_finds_the_body_upright_and_in_metres(made_run: Run, tmp_path: Path) -> None:
+def test_another_reader_finds_the_body_upright_and_in_metres(run: Run, tmp_path: Path) -> None:
     trimesh = pytest.importorskip("trimesh")
-    scene = trimesh.load_scene(write_glb(tmp_path / "a.glb", [made_run], source=True))
-    assert made_run.mesh is not None
+    scene = trimesh.load_scene(write_glb(tmp_path / "a.glb", [run], source=True))
+    assert run.mesh is not None
     assert len(scene.geometry) == 2
     for mesh in scene.geometry.values():
-        assert len(mesh.faces) == len(made_run.mesh.faces)
+        assert len(mesh.faces) == len(run.mesh.faces)
         assert mesh.volume == pytest.approx(
-            trimesh.Trimesh(made_run.mesh.vertices, made_run.mesh.faces, process=False).volume,
+            trimesh.Trimesh(run.mesh.vertices, run.mesh.faces, process=False).volume,
             rel=1e-4,
         )
-        assert mesh.bounds[:, 1] == pytest.approx([0, made_run.body.height], abs=0.01)
+        assert mesh.bounds[:, 1] == pytest.approx([0, run.body.height], abs=0.01)
         assert np.ptp(mesh.bounds[:, 0]) > 1.4  # the arms stretch out sideways
 
 
-def test_the_khronos_validator_finds_nothing(made_run: Run, tmp_path: Path) -> None:
+def test_the_khronos_validator_finds_nothing(run: Run, armed_run: Run, tmp_path: Path) -> None:
     if shutil.which("node") is None:
         pytest.skip("needs Node.js")
     if not (WEB / "node_modules" / "gltf-validator").is_dir():
         pytest.skip("needs the gltf-validator package: npm ci in tools/web")
-    runs = family(made_run)
+    runs = [*family(run), armed_run]
     files = [
         write_glb(tmp_path / "one.glb", runs[:1]),
         write_glb(tmp_path / "all.glb", runs, source=True),
@@ -253,4 +275,6 @@ def test_the_khronos_validator_finds_nothing(made_run: Run, tmp_path: Path) -> N
     for report in reports:
         issues = report["issues"]
         assert [issues[f"num{k}"] for k in ("Errors", "Warnings", "Infos", "Hints")] == [0] * 4
-    assert reports[1]["info"]["totalVertexCount"] == 4 * len(made_run.mesh.vertices)  # type: ignore[union-attr]
+    (stick,) = armed_run.held()
+    vertices = 3 * len(run.mesh.vertices) + len(held_mesh(stick, 0.035)[0])  # type: ignore[union-attr]
+    assert reports[1]["info"]["totalVertexCount"] == 2 * vertices

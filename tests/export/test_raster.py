@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from physique.export.camera import Camera
 from physique.export.mesh_picture import render_meshes
+from physique.export.palette import of_rgb
 from physique.export.raster import draw
 from physique.export.skin import skin_vertices
 from physique.export.surface import skin_surface
@@ -48,7 +49,7 @@ FRONT = Camera.look_at([0, 0, 0.5], distance=4, azimuth=0, elevation=10)
 def test_a_person_looks_as_the_ray_caster_has_it(run: Run) -> None:
     assert run.mesh is not None
     v = skin_vertices(run.mesh, run.trajectory.q[20:21])[0]
-    shown = skin_surface(run.mesh, RED)
+    shown = skin_surface(run.mesh, of_rgb(RED))
     camera = Camera.look_at([*v.mean(axis=0)[:2], 0.9], distance=4.5, azimuth=50, elevation=10)
     found = draw(triangles([(v, shown.faces, shown.colours)]), camera, SIZE).astype(int)
     wanted = render_meshes([(v, shown.faces, RED)], camera, SIZE).astype(int)

@@ -7,19 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from physique.body.capsule_body import CapsuleBody
 from physique.errors import InputError
-from physique.export.scene import labels, make_actor, stage, stage_runs
+from physique.export.scene import make_actor, stage, stage_runs
 from physique.export.surface import capsule_surface
 from physique.run import Run
 from physique.tracking.trajectory import Trajectory
 
 SIZE = (200, 150)
-
-
-def renamed(run: Run, clip: str, body: str) -> Run:
-    capsules: CapsuleBody = replace(run.body, name=body)
-    return replace(run, record={"identity": {"clip": clip, "body": body}}, body=capsules)
 
 
 def shorter(run: Run, frames: int) -> Run:
@@ -49,7 +43,7 @@ def test_figures_stand_side_by_side_in_the_picture(run: Run) -> None:
 
 def test_each_is_drawn_where_it_stands(run: Run) -> None:
     shapes = capsule_surface(run.body)
-    colours = ((0.9, 0.2, 0.2), (0.2, 0.2, 0.9))
+    colours = ("#e63333", "#3333e6")
     scene = stage(
         [make_actor(shapes, run.trajectory.q, colour=rgb) for rgb in colours], 100.0, SIZE
     )
@@ -65,15 +59,8 @@ def test_the_last_pose_stays_until_all_have_ended(run: Run) -> None:
     scene = stage_runs([run, shorter(run, 11)], SIZE, capsules=True)
     assert scene.frames == run.trajectory.frames
     short = scene.actors[1]
-    assert np.array_equal(short.vertices(10), short.vertices(40))
+    assert np.array_equal(short.vertices(10), short.vertices(50))
     assert not np.array_equal(short.vertices(9), short.vertices(10))
-
-
-def test_labels_tell_runs_apart(run: Run) -> None:
-    heavy, thin = renamed(run, "walk", "heavy"), renamed(run, "walk", "thin")
-    assert labels([heavy, thin]) == ["heavy", "thin"]
-    assert labels([heavy, renamed(run, "kick", "heavy")]) == ["walk on heavy", "kick on heavy"]
-    assert labels([heavy, heavy]) == ["walk on heavy (1)", "walk on heavy (2)"]
 
 
 def test_captions_can_be_left_out(run: Run) -> None:

@@ -13,7 +13,7 @@ import pytest
 from physique.errors import InputError
 from physique.export.layout import side_by_side
 from physique.export.skin import skin_vertices
-from physique.export.surface import capsule_surface
+from physique.export.surface import capsule_surface, surface
 from physique.export.usd import write_usd
 from physique.run import Run
 
@@ -44,10 +44,20 @@ def test_skinned_points_are_ours_to_a_tenth_of_a_millimetre(run: Run, tmp_path: 
     assert stage.GetTimeCodesPerSecond() == 100.0
     assert (stage.GetStartTimeCode(), stage.GetEndTimeCode()) == (0, run.trajectory.frames - 1)
     assert run.mesh is not None
-    for frame in (0, 17, 40):
+    for frame in (0, 17, 50):
         wanted = skin_vertices(run.mesh, run.trajectory.q[frame : frame + 1])[0]
         found = skinned(stage, "/World/run0_simulated", frame)
         assert np.abs(found - wanted).max() < 1e-4
+
+
+def test_a_stick_follows_the_wrist_in_either_look(armed_run: Run, tmp_path: Path) -> None:
+    q = armed_run.trajectory.q[33:34]
+    for capsules in (False, True):
+        path = write_usd(tmp_path / "a.usd", [armed_run], capsules=capsules)
+        shown = surface(armed_run, capsules=capsules)
+        found = skinned(Usd.Stage.Open(str(path)), "/World/run0_simulated", 33)
+        assert len(found) == len(shown.vertices)
+        assert np.abs(found - skin_vertices(shown, q)[0]).max() < 1e-4
 
 
 def test_other_runs_stand_beside_and_the_source_in_place(run: Run, tmp_path: Path) -> None:

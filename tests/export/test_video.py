@@ -25,9 +25,9 @@ def test_the_frames_are_the_scene_at_true_speed(run: Run, tmp_path: Path) -> Non
         assert stream.codec_context.name == "h264"
         assert stream.average_rate == 25
         frames = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
-    assert len(frames) == 11  # 0.4 s and the first
+    assert len(frames) == 13  # 0.5 s and the first
     scene = stage_runs([run], SIZE, source=True)
-    for k in (0, 5, 10):
+    for k in (0, 5, 12):
         wanted = scene.picture(4 * k).astype(int)
         assert np.abs(frames[k].astype(int) - wanted).mean() < 4
 
@@ -36,7 +36,7 @@ def test_the_rate_can_be_chosen(run: Run, tmp_path: Path) -> None:
     path = write_video(tmp_path / "walk.mp4", [run], capsules=True, size=SIZE, rate=12.5)
     with av.open(str(path)) as container:
         assert container.streams.video[0].average_rate == 12.5
-        assert sum(1 for _ in container.decode(video=0)) == 6
+        assert sum(1 for _ in container.decode(video=0)) == 7
 
 
 @pytest.mark.parametrize(("size", "text"), [((161, 120), "even numbers"), ((8, 8), "16 to 4096")])

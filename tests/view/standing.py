@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
-from physique.body.build import capsule_body
+from physique.body.capsule_body import CapsuleBody
 from physique.body.mesh import BodyMesh
 from physique.run import Run
 from physique.simulation import kinematics
@@ -32,8 +32,7 @@ class Standing:
     gain: Array
 
 
-def make_standing(mesh: BodyMesh, name: str = "standing") -> Standing:
-    body = capsule_body(mesh)
+def make_standing(mesh: BodyMesh, body: CapsuleBody, name: str = "standing") -> Standing:
     character = make_character(body, torque_limits(body.mass, body.height))
     frames = round(SECONDS / 0.01) + 1
     joints = [character.model.joint(i).name for i in range(1, character.model.njnt)]

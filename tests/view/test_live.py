@@ -18,9 +18,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from physique import extras
+from physique import extras, rotations
 from physique.cli import main, parse
 from physique.errors import InputError
+from physique.export.skin import joint_transforms
 from physique.run import Run, finish_run
 from physique.tracking.trajectory import Trajectory
 from physique.view.bones import send_bones
@@ -179,6 +180,31 @@ def test_a_body_without_a_skin_shows_its_capsules(standing: Run) -> None:
         assert page.panel.look == "capsules"
 
 
+def test_a_stick_goes_with_the_hand(armed_run: Run) -> None:
+    show = Show([armed_run], [{"replay": Replay(armed_run.trajectory)}])
+    with serving("127.0.0.1", 0) as server:
+        page = Page(server, show)
+        show.seek(0.3)
+        page.tick(0.0)
+        lane, act = page.stage.lanes[0], show.acts[0]
+        (stick,), (ghost,) = lane._props, lane._ghost_props
+        assert stick.node in lane.targets
+        for prop, q in ((stick, armed_run.trajectory.q), (ghost, armed_run.trajectory.reference_q)):
+            wrist = joint_transforms(armed_run.body, q[30:31])[0, 21]
+            assert prop.node.visible
+            assert prop.node.position == pytest.approx(wrist[:, 3])
+            assert rotations.to_matrix(np.array(prop.node.wxyz)) == pytest.approx(wrist[:, :3])
+        page.panel._ghost.value, page.panel._look.value = HIDDEN, "capsules"
+        page.tick(0.0)
+        assert (stick.node.visible, ghost.node.visible) == (True, False)
+        # It can be pushed too: what is hit is the hand.
+        show.go_live(True)
+        tip = act.trial.session.world_point(21, stick.node.vertices[-1])
+        hit = show.hit(0, tip + np.array([0.0, 0.0, 0.1]), np.array([0.0, 0.0, -1.0]))
+        assert hit is not None
+        assert hit.part == 21
+
+
 def test_bones_arrive_as_if_they_were_assigned(page: Page) -> None:
     """The messages are those that viser's own setters make."""
     node = page.stage.lanes[0].targets[0]
@@ -202,7 +228,8 @@ def test_lanes_do_not_overlap_and_the_camera_follows(page: Page) -> None:
         page.tick(0.01)
     places = [stage.to_page(lane, page.show.poses(act)[0, :3])
               for lane, act in zip(stage.lanes, acts)]  # fmt: skip
-    assert np.linalg.norm(places[0] - places[1]) > 1.0
+    # Who looks at their faces, along -x, has y to the right.
+    assert places[1][1] - places[0][1] > 1.0
     assert np.abs(np.mean(places, axis=0)[:2]).max() < 0.1
     assert np.allclose(stage.to_lane(stage.lanes[1], places[1]), page.show.poses(acts[1])[0, :3])
 

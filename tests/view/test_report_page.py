@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import io
-import shutil
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -18,22 +17,7 @@ from renamed_runs import EVIL, renamed
 from physique.run import Run
 from physique.view.report import write_report
 
-sync_api = pytest.importorskip("playwright.sync_api")
-
 Picture = NDArray[np.int64]
-PICTURES = Path(__file__).parents[2] / "out" / "tests"
-FLAGS = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    path = shutil.which("chromium") or shutil.which("chromium-browser")
-    if path is None:
-        pytest.skip("needs Chromium: apt-get install chromium")
-    with sync_api.sync_playwright() as play:
-        chromium = play.chromium.launch(executable_path=path, args=FLAGS)
-        yield chromium
-        chromium.close()
 
 
 class Tab:
@@ -70,10 +54,6 @@ class Tab:
     def now(self) -> float:
         return float(self.page.locator("#now").inner_text().removesuffix(" s"))
 
-    def picture(self, name: str) -> None:
-        PICTURES.mkdir(parents=True, exist_ok=True)
-        self.page.screenshot(path=PICTURES / f"{name}.png")
-
     def play_on(self) -> None:
         """Wait until time has passed."""
         before, deadline = self.now(), time.monotonic() + 30
@@ -83,22 +63,22 @@ class Tab:
 
 
 @pytest.fixture(scope="module")
-def report(made_run: Run, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    runs = [made_run, renamed(made_run, body="heavy")]
+def report(run: Run, armed_run: Run, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A man, and the shapes of a man with a stick in his hand."""
+    runs = [run, renamed(dataclasses.replace(armed_run, mesh=None), body="heavy")]
     return write_report(tmp_path_factory.mktemp("report") / "report.html", runs)
 
 
-def test_plays_seeks_and_answers(browser: Any, report: Path) -> None:
-    with Tab(browser, report, viewport={"width": 1000, "height": 640}) as tab:
+def test_plays_seeks_and_answers(browser: Any, report: Path, pictures: Path) -> None:
+    with Tab(browser, report, viewport={"width": 960, "height": 560}) as tab:
         page = tab.page
         assert page.locator("html").get_attribute("data-ready") == "stage"
 
         start = tab.figure()
-        orange = (start[..., 0] > 120) & (start[..., 2] < 60)
-        blue = (start[..., 2] > 150) & (start[..., 0] < 110)
-        assert orange.mean() > 0.01  # both figures are there, the first on the left
-        assert blue.mean() > 0.01
-        assert np.nonzero(orange)[1].mean() < np.nonzero(blue)[1].mean()
+        warm, cold = (start[..., i] - start[..., 2 - i] > 30 for i in (0, 2))
+        assert warm.mean() > 0.01  # both figures are there, the first on the left
+        assert cold.mean() > 0.01
+        assert np.nonzero(warm)[1].mean() < np.nonzero(cold)[1].mean()
 
         page.locator("#play").click()
         tab.play_on()
@@ -116,7 +96,7 @@ def test_plays_seeks_and_answers(browser: Any, report: Path) -> None:
         assert "very hard" in page.locator("#why").inner_text()
         assert "pose" in page.locator("#tip").inner_text()
         page.mouse.move(5, 5)
-        tab.picture("report_desktop")
+        page.screenshot(path=pictures / "report_desktop.png")
 
         page.keyboard.press("ArrowRight")
         assert tab.now() == pytest.approx(0.41, abs=0.011)
@@ -130,7 +110,7 @@ def test_plays_seeks_and_answers(browser: Any, report: Path) -> None:
             if key != "f":  # following shows when time goes on
                 assert changed(tab.figure(), skin), key
             if key == "c":
-                tab.picture("report_shapes")
+                page.screenshot(path=pictures / "report_shapes.png")
             page.keyboard.press(key)
         assert not changed(tab.figure(), skin)
 
@@ -141,26 +121,37 @@ def test_plays_seeks_and_answers(browser: Any, report: Path) -> None:
         page.locator("[data-look=side]").click()
         assert changed(tab.figure(), before)
 
+        # The stick is brown; all else in the middle is blue or grey.
+        for key in "gec":
+            page.keyboard.press(key)
+        alone = tab.figure()
+        middle = alone[:, alone.shape[1] // 4 : -alone.shape[1] // 4]
+        assert ((middle[..., 0] - middle[..., 2] > 14) & (middle[..., 0] < 150)).sum() > 20
+
         page.locator("[data-chart=effort]").hover(position={"x": 300, "y": 24})
         assert "Nm" in page.locator("#tip").inner_text()
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_fits_a_phone(browser: Any, report: Path, scheme: str) -> None:
+@pytest.mark.slow
+def test_fits_a_phone(browser: Any, report: Path, pictures: Path) -> None:
     size = {"width": 390, "height": 844}
     with Tab(
-        browser, report, viewport=size, is_mobile=True, has_touch=True, color_scheme=scheme
+        browser, report, viewport=size, is_mobile=True, has_touch=True, color_scheme="light"
     ) as tab:
         assert tab.page.evaluate("document.documentElement.scrollWidth") == 390
-        assert (tab.figure()[2, 2].mean() > 180) == (scheme == "light")
-        tab.picture(f"report_phone_{scheme}")
+        for scheme in ("light", "dark"):
+            tab.page.emulate_media(color_scheme=scheme)
+            assert (tab.figure()[2, 2].mean() > 180) == (scheme == "light")
+            tab.page.screenshot(path=pictures / f"report_phone_{scheme}.png")
         tab.page.locator("#play").tap()
         tab.play_on()
 
 
-def test_hostile_names_do_nothing(browser: Any, made_run: Run, tmp_path: Path) -> None:
-    evil = [renamed(made_run, clip=EVIL, body=f"{EVIL}{i}") for i in range(2)]
-    with Tab(browser, write_report(tmp_path / "a.html", evil)) as tab:
+def test_hostile_names_do_nothing(browser: Any, run: Run, tmp_path: Path) -> None:
+    bare = dataclasses.replace(run, mesh=None)
+    evil = [renamed(bare, clip=EVIL, body=f"{EVIL}{i}") for i in range(2)]
+    size = {"width": 400, "height": 640}
+    with Tab(browser, write_report(tmp_path / "a.html", evil), viewport=size) as tab:
         assert tab.page.locator("img").count() == 0
         assert EVIL in tab.page.locator("#figures").inner_text()
         tab.page.locator("[data-chart=difficulty]").hover()

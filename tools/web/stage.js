@@ -219,10 +219,11 @@ async function loadActor({ glb, shift, colour }) {
     if (ghost) {
       // Only the outermost surface shows, not what is behind it inside the body.
       node.material.depthWrite = true;
-      node.material.opacity = 0.5;
       drawBehind(node.material);
-    } else node.material.color.set(colour);
-    surfaces.push({ node, ghost, kind: node.isSkinnedMesh ? "skin" : "capsules" });
+    }
+    const kind = node.isSkinnedMesh ? "skin" : node.name.startsWith("held_") ? "held" : "capsules";
+    if (!ghost && kind !== "held") node.material.color.set(colour);
+    surfaces.push({ node, ghost, kind });
   });
   const skinned = surfaces.some(({ kind }) => kind === "skin");
   const byName = Object.keys(joints).length ? joints : nodesByName(gltf);
@@ -241,7 +242,7 @@ async function loadActor({ glb, shift, colour }) {
     show(state) {
       const wanted = skinned ? state.surface : "capsules";
       for (const { node, ghost, kind } of surfaces) {
-        node.visible = kind === wanted && (!ghost || state.ghost);
+        node.visible = (kind === wanted || kind === "held") && (!ghost || state.ghost);
       }
       for (const { lamp } of lamps) lamp.userData.allowed = state.effort;
     },

@@ -8,7 +8,7 @@ and so stay aligned in the file: the rotations of an animation are those of the 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal
@@ -20,9 +20,11 @@ from physique import rotations, skeleton
 from physique.body.mesh import BodyMesh
 from physique.body.primitives import primitive_mesh
 from physique.errors import InputError
+from physique.export import palette
 from physique.export.bvh import R_FILE_FROM_WORLD
 from physique.export.glb import INDICES, VERTICES, Document
-from physique.export.layout import SOURCE_COLOUR, colour, linear_rgb, side_by_side
+from physique.export.layout import side_by_side
+from physique.export.surface import held_mesh, skin_of, vertex_normals
 from physique.run import Run
 from physique.simulation import reduced
 from physique.simulation.hinges import AXES
@@ -33,7 +35,6 @@ Surface = Literal["skin", "capsules", "both"]
 
 #: Joints that may move a vertex.
 INFLUENCES = 4
-_SOURCE_OPACITY = 0.35
 _SPACING = 0.035  # m, between the vertices of a capsule
 _SHORT = 32767  # 1.0 as a normalised short
 
@@ -44,12 +45,19 @@ class _Look:
 
     skin: attributes and indices of the skinned mesh, None where it is not drawn.
     capsules: of each joint's primitive, empty where they are not drawn.
+    held: of each thing that a hand holds, its joint, its name and its primitive in its own colour.
     bind: accessor of the inverse bind matrices.
     """
 
     skin: dict[str, Any] | None
     capsules: list[dict[str, Any]]
+    held: list[tuple[int, str, dict[str, Any]]]
     bind: int | None
+
+    def ghost(self, material: int) -> _Look:
+        """The same with all that is held in one material."""
+        held = [(joint, name, {**shape, "material": material}) for joint, name, shape in self.held]
+        return replace(self, held=held)
 
 
 def write_glb(
@@ -57,8 +65,9 @@ def write_glb(
 ) -> Path:
     """Write runs as one GLB file, side by side in one animation; `path` comes back.
 
-    source: beside each run's body, pale and half transparent, what it should have done.
+    source: over each run's body, pale and half transparent, what it should have done.
     capsules: the rigid shapes that were simulated in place of the skin.
+    What hands hold is there either way, as nodes below the wrists.
     A vertex follows its four heaviest joints, their weights scaled to sum to 1: glTF readers need
     not know more. On the parametric body 3 % of the vertices follow more; they move by 0.5 mm on
     average in walks, dances and kicks, up to 17 mm in an armpit.
@@ -82,7 +91,8 @@ def glb_bytes(
 ) -> bytes:
     """The content of a GLB file of runs, see `write_glb`.
 
-    surface: what is drawn; the nodes of capsules are called `capsule` and the joint's name.
+    surface: what is drawn; the nodes of capsules are called `capsule` and the joint's name, those
+        of what hands hold `held_right` and `held_left`.
     keep_every: writes each so many-th frame, and the last.
     compact: rotations as normalised shorts, half the bytes, exact to 0.005 degrees.
     """
@@ -97,12 +107,12 @@ def glb_bytes(
         kept = np.unique(np.append(np.arange(0, motion.frames, keep_every), motion.frames - 1))
         times = document.accessor(motion.times[kept].astype(np.float32), bounds=True)
         look = _look(document, run, surface)
-        takes = [(run.name, motion.q, _material(document, colour(index), 1.0))]
+        takes = [(run.name, motion.q, look, _material(document, palette.body(index)))]
         if source:
-            pale = _material(document, SOURCE_COLOUR, _SOURCE_OPACITY)
-            takes.append((f"{run.name}, source", motion.reference_q, pale))
-        for name, q, material in takes:
-            joints, nodes = _actor(document, name, run.body.joints, shift, look, material)
+            pale = _material(document, palette.SOURCE, palette.SOURCE_OPACITY)
+            takes.append((f"{run.name}, source", motion.reference_q, look.ghost(pale), pale))
+        for name, q, shown, material in takes:
+            joints, nodes = _actor(document, name, run.body.joints, shift, shown, material)
             roots += nodes
             _animate(document, q[kept], times, joints, samplers, channels, compact)
     document.add(
@@ -128,30 +138,11 @@ def limit_weights(weights: Array) -> tuple[NDArray[np.uint8], NDArray[np.uint16]
     return np.where(whole > 0, order, 0).astype(np.uint8), whole.astype(np.uint16)
 
 
-def vertex_normals(vertices: Array, faces: NDArray[np.integer[Any]]) -> Array:
-    """Unit normals (V, 3) of a mesh with vertices (V, 3), the mean of its faces' (F, 3) by area."""
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    of_face = np.cross(b - a, c - a)
-    normals = np.zeros_like(vertices)
-    for k in range(3):
-        for axis in range(3):
-            normals[:, axis] += np.bincount(
-                faces[:, k], weights=of_face[:, axis], minlength=len(vertices)
-            )
-    length = np.linalg.norm(normals, axis=1, keepdims=True)
-    up = np.array([0.0, 0.0, 1.0])  # a vertex of no face has no normal, but must have one
-    return np.where(length > 0, normals / np.maximum(length, 1e-300), up)
-
-
 def _look(document: Document, run: Run, surface: Surface) -> _Look:
     skin, bind = None, None
     capsules: list[dict[str, Any]] = []
     if surface != "capsules":
-        if run.mesh is None:
-            raise InputError(
-                run.name, "a body without a skin", "a body with a mesh", "ask for its capsules"
-            )
-        skin = _skin_primitive(document, run.mesh)
+        skin = _skin_primitive(document, skin_of(run))
         matrices = np.tile(np.eye(4, dtype=np.float32), (len(skeleton.JOINTS), 1, 1))
         matrices[:, :3, 3] = -(run.body.joints @ R_FILE_FROM_WORLD.T)
         bind = document.accessor(matrices)
@@ -159,7 +150,12 @@ def _look(document: Document, run: Run, surface: Surface) -> _Look:
         for part, joint in zip(run.body.parts, run.body.joints):
             vertices, faces = primitive_mesh(part, _SPACING)
             capsules.append(_primitive(document, vertices - joint, faces))
-    return _Look(skin, capsules, bind)
+    held = []
+    for geom in run.held():
+        shape = _primitive(document, *held_mesh(geom, _SPACING))
+        shape["material"] = _material(document, palette.of_rgb(geom.rgb))
+        held.append((geom.joint, geom.name, shape))
+    return _Look(skin, capsules, held, bind)
 
 
 def _primitive(document: Document, vertices: Array, faces: NDArray[np.int32]) -> dict[str, Any]:
@@ -187,11 +183,11 @@ def _skin_primitive(document: Document, mesh: BodyMesh) -> dict[str, Any]:
     return primitive
 
 
-def _material(document: Document, srgb: str, opacity: float) -> int:
+def _material(document: Document, srgb: str, opacity: float = 1.0) -> int:
     material: dict[str, Any] = {
         "name": srgb,
         "pbrMetallicRoughness": {
-            "baseColorFactor": [*linear_rgb(srgb), opacity],
+            "baseColorFactor": [*palette.linear_rgb(srgb), opacity],
             "metallicFactor": 0,
             "roughnessFactor": 0.75,
         },
@@ -216,10 +212,12 @@ def _actor(
         )
     for j, node in enumerate(joints):
         children = [joints[i] for i, parent in enumerate(skeleton.PARENTS) if parent == j]
+        rigid = [(called, shape) for joint, called, shape in look.held if joint == j]
         if look.capsules:
-            shape = {"primitives": [{**look.capsules[j], "material": material}]}
-            called = f"capsule {skeleton.JOINTS[j]}"
-            mesh = document.add("meshes", {"name": called, **shape})
+            shape = {**look.capsules[j], "material": material}
+            rigid.append((f"capsule {skeleton.JOINTS[j]}", shape))
+        for called, shape in rigid:
+            mesh = document.add("meshes", {"name": called, "primitives": [shape]})
             children.append(document.add("nodes", {"name": called, "mesh": mesh}))
         if children:
             document.change("nodes", node, children=children)
@@ -285,8 +283,6 @@ def _xyzw(turn: Array) -> Array:
 
     glTF interpolates along the shorter way, but not every reader does.
     """
-    q = rotations.normalize(turn)
-    flips = np.cumprod(np.where((q[1:] * q[:-1]).sum(axis=1) < 0, -1.0, 1.0))
-    q[1:] *= flips[:, None]
+    q = rotations.continuous(rotations.normalize(turn))
     # The same turn seen from other axes: the axis turns, the angle stays.
     return np.concatenate([q[:, 1:] @ R_FILE_FROM_WORLD.T, q[:, :1]], axis=1)

@@ -1,4 +1,4 @@
-"""Runs in one picture: where each of them stands and which colour it has."""
+"""Runs in one picture: where each of them stands, and what tells it from the others."""
 
 from __future__ import annotations
 
@@ -7,29 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from physique.export.skin import joint_transforms
 from physique.run import Run
-from physique.simulation import reduced
 
 Array = NDArray[np.float64]
 
-#: Colours of the runs, sRGB; told apart by people with any colour vision (Okabe and Ito, 2008).
-COLOURS = ("#e69f00", "#56b4e9", "#009e73", "#cc79a7", "#d55e00", "#0072b2", "#f0e442")
-#: Of the reference motion.
-SOURCE_COLOUR = "#b9c0c8"
-
 _FLESH = 0.15  # m, from the outermost joints to the outermost skin
 _GAP = 0.25  # m, of free floor between two runs
-
-
-def colour(index: int) -> str:
-    """The sRGB colour, "#rrggbb", of run number `index`."""
-    return COLOURS[index % len(COLOURS)]
-
-
-def linear_rgb(srgb: str) -> list[float]:
-    """Linear red, green, blue in 0 to 1 of an sRGB colour "#rrggbb" (IEC 61966-2-1)."""
-    values = [int(srgb[i : i + 2], 16) / 255 for i in (1, 3, 5)]
-    return [v / 12.92 if v <= 0.04045 else ((v + 0.055) / 1.055) ** 2.4 for v in values]
 
 
 def side_by_side(runs: Sequence[Run]) -> Array:
@@ -49,9 +33,28 @@ def side_by_side(runs: Sequence[Run]) -> Array:
 
 def _span(run: Run) -> tuple[float, float]:
     """The least and the largest y, m, that the body or its reference ever takes."""
-    ends = []
-    for q in (run.trajectory.q, run.trajectory.reference_q):
-        local = reduced.to_rotations(q[:, 3:7], q[:, 7:])
-        joints = reduced.part_transforms(local, run.body.joints)[..., 3] + q[:, None, :3]
-        ends += [joints[..., 1].min(), joints[..., 1].max()]
-    return float(min(ends)) - _FLESH, float(max(ends)) + _FLESH
+    motions = (run.trajectory.q, run.trajectory.reference_q)
+    y = np.concatenate([joint_transforms(run.body, q)[:, :, 1, 3] for q in motions])
+    return float(y.min()) - _FLESH, float(y.max()) + _FLESH
+
+
+def labels(runs: Sequence[Run]) -> list[str]:
+    """What tells runs apart, as short as it can be: the body, with its strength, with what it
+    holds, with the clip, or the folder; numbered where nothing does."""
+    names = [run.name for run in runs]
+    for found in (
+        [run.body.name for run in runs],
+        [f"{run.body.name}, {strength(run)}" for run in runs],
+        [f"{run.body.name}, {run.holding or 'empty hands'}" for run in runs],
+        names,
+        [run.name if run.folder is None else run.folder.name for run in runs],
+    ):
+        if len(set(found)) == len(found):
+            return found
+    return [f"{name} ({index})" for index, name in enumerate(names, start=1)]
+
+
+def strength(run: Run) -> str:
+    """How strong the joints of a run are."""
+    value = run.record["identity"].get("torque_limit", "body")
+    return "own strength" if value == "body" else f"{value:g} Nm at every joint"

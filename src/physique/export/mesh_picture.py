@@ -11,11 +11,11 @@ from scipy.spatial import cKDTree
 
 from physique.body.mesh import BodyMesh
 from physique.errors import InputError
+from physique.export import palette
 from physique.export.camera import Camera
 from physique.export.picture import frame_camera, render
 from physique.export.raycast import Array, Image, Layer, cast
-
-_SKIN = (0.79, 0.66, 0.57)
+from physique.export.surface import vertex_normals
 
 
 def render_meshes(
@@ -55,7 +55,7 @@ def render_meshes(
         spec.worldbody.add_geom(
             type=mujoco.mjtGeom.mjGEOM_MESH, meshname=f"mesh{index}", contype=0, conaffinity=0
         )
-        smooth.append((cKDTree(used), _vertex_normals(used, f)))
+        smooth.append((cKDTree(used), vertex_normals(used, f)))
         colours.append(np.asarray(rgb, dtype=float))
     model = spec.compile()
     data = mujoco.MjData(model)
@@ -86,9 +86,10 @@ def body_picture(mesh: BodyMesh, model: mujoco.MjModel, *, height: int = 420) ->
     left = Camera.look_at(
         camera.target, distance=distance, azimuth=90.0, elevation=5.0, fov=camera.fov
     )
+    skin = (mesh.vertices, mesh.faces, palette.rgb(palette.BODIES[0]))
     panels: list[Image] = []
     for view, size in ((camera, front), (left, side)):
-        panels.append(render_meshes([(mesh.vertices, mesh.faces, _SKIN)], view, size))
+        panels.append(render_meshes([skin], view, size))
         panels.append(render(model, model.qpos0, view, size))
     gap = np.full((height, 2, 3), 255, dtype=np.uint8)
     return np.concatenate([panels[0], *(x for p in panels[1:] for x in (gap, p))], axis=1)
@@ -112,15 +113,6 @@ def _used(v: Array, f: NDArray[np.int32]) -> tuple[Array, NDArray[np.int32]]:
     """Only the vertices that a face has: loose ones would stand in the way of smooth shading."""
     keep, inverse = np.unique(f, return_inverse=True)
     return v[keep], inverse.reshape(f.shape).astype(np.int32)
-
-
-def _vertex_normals(v: Array, f: NDArray[np.int32]) -> Array:
-    """Unit normals (V, 3), the mean of the faces around, weighted by area."""
-    of_faces = np.cross(v[f[:, 1]] - v[f[:, 0]], v[f[:, 2]] - v[f[:, 0]])
-    sums = np.stack(
-        [np.bincount(f.ravel(), np.repeat(of_faces[:, k], 3), len(v)) for k in range(3)], axis=1
-    )
-    return sums / np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), 1e-30)
 
 
 def _blend(points: Array, flat: Array, tree: cKDTree, normals: Array) -> Array:

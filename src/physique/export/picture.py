@@ -17,13 +17,12 @@ from PIL import ImageDraw, ImageFont
 from scipy.ndimage import gaussian_filter1d
 
 from physique.errors import InputError
+from physique.export import palette
 from physique.export.camera import Camera
 from physique.export.raycast import Array, Image, Layer, cast
 from physique.store import write_atomic
 
 AZIMUTH, ELEVATION = 50.0, 10.0  # degrees: from before and a little to the left
-_CENTRE, _LEFT, _RIGHT = np.array([[0.79, 0.72, 0.64], [0.33, 0.54, 0.78], [0.86, 0.48, 0.36]])
-_REFERENCE = np.array([0.66, 0.67, 0.70])
 _INK, _PAPER = (52, 58, 66), (255, 255, 255)
 
 
@@ -253,7 +252,7 @@ def _body_colours(model: mujoco.MjModel) -> Array:
     sides = np.array([_side(model, geom) for geom in range(model.ngeom)])
     left, right = colours[sides == 1], colours[sides == 2]
     if len(left) and len(right) and np.allclose(left.mean(0), right.mean(0), atol=0.02):
-        return np.stack([_CENTRE, _LEFT, _RIGHT])[sides]
+        return np.array([palette.rgb(colour) for colour in palette.SIDES])[sides]
     return colours
 
 
@@ -267,7 +266,7 @@ def _side(model: mujoco.MjModel, geom: int) -> int:
 
 
 def _reference_colours(model: mujoco.MjModel) -> Array:
-    return np.tile(_REFERENCE, (model.ngeom, 1))
+    return np.tile(np.array(palette.rgb(palette.SOURCE)), (model.ngeom, 1))
 
 
 def _font(size: float) -> Any:

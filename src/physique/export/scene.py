@@ -21,7 +21,9 @@ from scipy.ndimage import gaussian_filter1d
 
 from physique import skeleton
 from physique.errors import InputError
+from physique.export import palette
 from physique.export.camera import Camera
+from physique.export.layout import labels
 from physique.export.raster import Image, draw
 from physique.export.sampling import common_timestep
 from physique.export.skin import blend, joint_transforms
@@ -32,13 +34,6 @@ from physique.run import Run
 Array = NDArray[np.float64]
 
 AZIMUTH, ELEVATION, FOV = 50.0, 9.0, 28.0  # degrees: from before and a little to the left
-#: Colours of skins that are shown together, 0 to 1, and of the source.
-COLOURS = (
-    (0.80, 0.65, 0.54), (0.47, 0.62, 0.78), (0.86, 0.53, 0.42), (0.57, 0.68, 0.50),
-    (0.66, 0.57, 0.76), (0.84, 0.72, 0.44),
-)  # fmt: skip
-GHOST = (0.64, 0.71, 0.80)
-OPACITY = 0.5  # of ghosts
 
 _GAP = 0.12  # m, free between neighbours
 _SAMPLES = 20  # poses at which figures are measured
@@ -86,12 +81,11 @@ def make_actor(
     *,
     label: str = "",
     ghost: bool = False,
-    colour: tuple[float, float, float] | None = None,
+    colour: str | None = None,
 ) -> Actor:
-    """A person, `shown` as skin or shapes, at q (T, 57); in one colour (0 to 1), if given."""
+    """A person, `shown` as skin or shapes, at q (T, 57); in one colour, "#rrggbb", if given."""
     if colour is not None:
-        colours = np.tile(np.array(colour), (len(shown.vertices), 1))
-        shown = replace(shown, colours=colours)
+        shown = shown.in_colour(colour)
     return Actor(shown, joint_transforms(shown, q), label, ghost)
 
 
@@ -122,7 +116,7 @@ class Scene:
             camera,
             self.size,
             ghost=_merged([a for a in self.actors if a.ghost], frame),
-            opacity=OPACITY,
+            opacity=palette.SOURCE_OPACITY,
         )
         return self._captioned(image, camera, frame) if caption else image
 
@@ -205,29 +199,18 @@ def stage_runs(
     timestep = common_timestep(runs)
     actors = []
     for index, (run, label) in enumerate(zip(runs, labels(runs))):
-        shown = surface(run.mesh, run.body, capsules=capsules)
+        shown = surface(run, capsules=capsules, colour=palette.body(index))
         motion = run.trajectory
-        colour = None if capsules else COLOURS[index % len(COLOURS)]
         if source:
             actors.append(
-                make_actor(shown, motion.reference_q, label="source", ghost=True, colour=GHOST)
+                make_actor(
+                    shown, motion.reference_q, label="source", ghost=True, colour=palette.SOURCE
+                )
             )
-        actors.append(make_actor(shown, motion.q, label=label, colour=colour))
+        actors.append(make_actor(shown, motion.q, label=label))
     if size is None:
         size = (640, 480) if len(actors) < 3 else (960, 480)
     return stage(actors, 1.0 / timestep, size, azimuth=azimuth, elevation=elevation)
-
-
-def labels(runs: Sequence[Run]) -> list[str]:
-    """What tells the runs apart: body, clip and body, or the folder."""
-    for names in (
-        [run.body.name for run in runs],
-        [run.name for run in runs],
-        [run.name if run.folder is None else run.folder.name for run in runs],
-    ):
-        if len(set(names)) == len(names):
-            return names
-    return [f"{run.name} ({index})" for index, run in enumerate(runs, start=1)]
 
 
 def _places(across: Sequence[Array]) -> Array:

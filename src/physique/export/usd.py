@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from physique import rotations, skeleton
 from physique.errors import InputError
+from physique.export import palette
 from physique.export.layout import side_by_side
 from physique.export.sampling import common_timestep
 from physique.export.surface import Surface, surface
@@ -23,7 +24,6 @@ from physique.store import PathLike, write_atomic
 Array = NDArray[np.float64]
 
 SUFFIXES = (".usd", ".usdc", ".usda")
-_GHOST = 0.35  # opacity of the source
 
 
 def write_usd(
@@ -54,13 +54,14 @@ def write_usd(
     stage.SetStartTimeCode(0)
     stage.SetEndTimeCode(max(run.trajectory.frames for run in runs) - 1)
     for index, (run, shift) in enumerate(zip(runs, side_by_side(runs))):
-        shown = surface(run.mesh, run.body, capsules=capsules)
-        motions = [("simulated", run.trajectory.q, 1.0)]
+        shown = surface(run, capsules=capsules, colour=palette.body(index))
+        motions = [("simulated", run.trajectory.q, shown, 1.0)]
         if source:
-            motions.append(("source", run.trajectory.reference_q, _GHOST))
-        for kind, q, opacity in motions:
+            pale = shown.in_colour(palette.SOURCE)
+            motions.append(("source", run.trajectory.reference_q, pale, palette.SOURCE_OPACITY))
+        for kind, q, look, opacity in motions:
             name = f"/World/run{index}_{kind}"
-            _add_figure(stage, name, shown, q, shift, opacity, f"{run.name}, {kind}")
+            _add_figure(stage, name, look, q, shift, opacity, f"{run.name}, {kind}")
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder) / f"stage{path.suffix.lower()}"
         stage.GetRootLayer().Export(str(copy))
@@ -90,7 +91,7 @@ def _add_figure(
     animation = UsdSkel.Animation.Define(stage, f"{name}/skeleton/animation")
     animation.CreateJointsAttr(paths)
     animation.CreateScalesAttr([Gf.Vec3h(1.0, 1.0, 1.0)] * len(paths))
-    turns = _continuous(rotations.normalize(reduced.to_rotations(q[:, 3:7], q[:, 7:])))
+    turns = rotations.continuous(rotations.normalize(reduced.to_rotations(q[:, 3:7], q[:, 7:])))
     moved = np.tile(offsets.astype(np.float32), (len(q), 1, 1))
     moved[:, 0] = q[:, :3]
     translation, rotation = animation.CreateTranslationsAttr(), animation.CreateRotationsAttr()
@@ -147,10 +148,3 @@ def _translations(places: Array) -> Any:
     return Vt.Matrix4dArray(
         [Gf.Matrix4d(1.0).SetTranslate(Gf.Vec3d(*map(float, p))) for p in places]
     )
-
-
-def _continuous(turns: Array) -> Array:
-    """The same rotations (T, J, 4) with signs that follow on, so that in-betweens do not spin."""
-    flips = np.einsum("tji,tji->tj", turns[1:], turns[:-1]) < 0
-    sign = np.where(np.cumsum(flips, axis=0) % 2 == 1, -1.0, 1.0)
-    return np.concatenate([turns[:1], turns[1:] * sign[..., None]])

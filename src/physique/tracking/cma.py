@@ -6,10 +6,11 @@ derivatives, no smoothness. Faithful and slow; it is the yardstick for the fast 
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
+from types import ModuleType
 
-import cma
 import numpy as np
 from numpy.typing import NDArray
 
@@ -71,7 +72,7 @@ def solve(
     start = np.zeros((matrix.shape[1], joints))
     if options.warm_start:
         start = fit_knots(matrix, nominal.control)
-    search = cma.CMAEvolutionStrategy(start.ravel(), options.sigma, _settings(options))
+    search = _package().CMAEvolutionStrategy(start.ravel(), options.sigma, _settings(options))
     best, lowest = start, evaluate(problem, simulator, _controls(matrix, start[None]))[0]
     history = [lowest]
     status = "iterations"
@@ -115,6 +116,14 @@ def sampled_solution(
         steps=simulator.steps - before,
         status="every sample diverged" if history[-1] >= DIVERGED else status,
     )
+
+
+def _package() -> ModuleType:
+    """The package cma, without its complaint about plots that it cannot draw."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Could not import matplotlib")
+        import cma
+    return cma
 
 
 def _settings(options: Options) -> dict[str, object]:

@@ -41,7 +41,7 @@ def view(
     require("viser", "view")
     if not 1 <= len(folders) <= MOST_RUNS:
         raise InputError(
-            "view", f"{len(folders)} runs", f"1 to {MOST_RUNS} runs", "name fewer folders"
+            "view", f"{len(folders)} runs", f"1 to {MOST_RUNS} runs", "name their folders"
         )
     check_address(host, port)
     show = Show([_load(folder) for folder in folders])

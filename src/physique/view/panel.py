@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from physique.export import palette
 from physique.simulation.hinges import HINGES
 from physique.view.plots import Plot
 from physique.view.show import Show
-from physique.view.stage import COLOURS, Look
+from physique.view.stage import Look
 
 SPEEDS = {"1/10": 0.1, "1/4": 0.25, "1/2": 0.5, "1": 1.0, "2": 2.0}
 RECORDED, LIVE = "the recording", "a live simulation"
@@ -139,7 +140,7 @@ class Panel:
         show = self._show
         count = round(show.timeline.duration / show.timestep) + 1
         times = np.asarray(show.timestep * np.arange(count), dtype=np.float64)
-        colours = [COLOURS[i % len(COLOURS)] for i in range(len(show.acts))]
+        colours = [palette.body(i) for i in range(len(show.acts))]
         self._length = len(times)
         self._errors = Plot(gui, "joint error, mm", times, self._names, colours, 50.0)
         self._hard = Plot(
@@ -218,7 +219,7 @@ class Panel:
                 state = "has fallen"
             elif show.live and act.trial.finished:
                 state = "at the end"
-            dot = f'<span style="color:{COLOURS[i % len(COLOURS)]}">&#9679;</span>'
+            dot = f'<span style="color:{palette.body(i)}">&#9679;</span>'
             lines.append(f"{dot} {i + 1}: {html.escape(self._names[i])}, {state}")
         what = "simulated now" if show.live else "as recorded"
         lines.append(f"{show.timeline.time:.2f} of {show.timeline.duration:.2f} s, {what}")

@@ -20,12 +20,13 @@ from numpy.typing import NDArray
 from physique.errors import InputError
 from physique.export.bvh import R_FILE_FROM_WORLD
 from physique.export.gltf import glb_bytes
-from physique.export.layout import colour, side_by_side
+from physique.export.layout import labels, side_by_side, strength
+from physique.export.palette import body as colour
 from physique.run import Run, load_run
-from physique.store import PathLike, write_atomic
+from physique.store import PathLike, prepare_folder, write_atomic
 from physique.view.difficulty import LEVELS
 from physique.view.signals import names, signals
-from physique.view.words import Row, limits, lost_at, rows, settings, verdict
+from physique.view.words import Row, lost_at, rows, settings, verdict
 
 log = logging.getLogger(__name__)
 
@@ -40,8 +41,14 @@ def write_report(path: PathLike, runs: Sequence[Run | PathLike]) -> Path:
 
     The file loads nothing: models, data and scripts are in it, and a content security policy
     forbids the rest. Raises InputError for a folder without a finished run, for a run that ended
-    before its first step, and where the file cannot be written.
+    before its first step, for a path that does not end in .html, and where the file cannot be
+    written.
     """
+    path = Path(path)
+    if path.suffix.lower() not in (".html", ".htm"):
+        raise InputError(
+            str(path), f"suffix {path.suffix!r}", "a file that ends in .html", "correct the path"
+        )
     loaded = [run if isinstance(run, Run) else load_run(run) for run in runs]
     page = report_html(loaded).encode()
     if len(page) > MOST_BYTES * len(loaded):
@@ -49,7 +56,7 @@ def write_report(path: PathLike, runs: Sequence[Run | PathLike]) -> Path:
             "%s has %.1f MB, more than %.0f a run: a skin of many vertices",
             path, len(page) / 1e6, MOST_BYTES / 1e6,
         )  # fmt: skip
-    path = Path(path)
+    prepare_folder(path.parent)
     write_atomic(path, page)
     return path
 
@@ -63,7 +70,7 @@ def report_html(runs: Sequence[Run]) -> str:
             raise InputError(
                 run.name, "a run without motion", "two frames at least", "make the run anew"
             )
-    short = _short_names(runs)
+    short = labels(runs)
     shifts = side_by_side(runs) @ R_FILE_FROM_WORLD.T
     entries, models = [], []
     for index, run in enumerate(runs):
@@ -155,19 +162,6 @@ def _clips(runs: Sequence[Run]) -> list[str]:
     return list(dict.fromkeys(str(run.record["identity"]["clip"]) for run in runs))
 
 
-def _short_names(runs: Sequence[Run]) -> list[str]:
-    """Names that tell the runs apart: the body, or more where that is not enough."""
-    names = [run.name for run in runs]
-    for found in (
-        [run.body.name for run in runs],
-        [f"{run.body.name}, {limits(run)}" for run in runs],
-        names,
-    ):
-        if len(set(found)) == len(found):
-            return found
-    return [f"{name} ({index + 1})" for index, name in enumerate(names)]
-
-
 def _listed(words: Sequence[str]) -> str:
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
 
@@ -186,7 +180,8 @@ def _lede(runs: Sequence[Run]) -> str:
 
 
 def _person(run: Run) -> str:
-    return f"{run.body.height:.2f} m, {run.body.mass:.0f} kg, {limits(run)}"
+    holding = f", {run.holding}" if run.holding else ""
+    return f"{run.body.height:.2f} m, {run.body.mass:.0f} kg, {strength(run)}{holding}"
 
 
 def _mark(index: int) -> str:
@@ -243,11 +238,11 @@ def _windows(name: str, windows: Sequence[dict[str, Any]]) -> str:
 
 def _settings(runs: Sequence[Run], short: Sequence[str]) -> str:
     made = [dict(settings(run)) for run in runs]
-    labels = list(dict.fromkeys(label for one in made for label in one))
+    titles = list(dict.fromkeys(title for one in made for title in one))
     body = "".join(
-        f"<tr><th>{html.escape(label)}</th>"
-        + "".join(f"<td>{html.escape(one.get(label, ''))}</td>" for one in made)
+        f"<tr><th>{html.escape(title)}</th>"
+        + "".join(f"<td>{html.escape(one.get(title, ''))}</td>" for one in made)
         + "</tr>"
-        for label in labels
+        for title in titles
     )
     return f"<table>{_heads(short)}<tbody>{body}</tbody></table>"

@@ -9,17 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physique import rotations
-from physique.export.surface import Surface, capsule_surface, skin_surface
+from physique.export import palette
+from physique.export.surface import Surface, capsule_surface, held_mesh, skin_surface
 from physique.run import Run
+from physique.simulation.held import HeldGeom
 from physique.view.bones import send_bones
 
 Array = NDArray[np.float64]
 Look = Literal["skin", "capsules"]
 
-#: Colours of bodies and of their curves (Okabe and Ito: told apart with any colour vision).
-COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
-GHOST = (120, 124, 132)
-GHOST_OPACITY = 0.35
 LANE = 1.5  # m between bodies, and half as much to a ghost that stands beside
 PUSH_COLOUR, FLOOR_COLOUR = (220, 40, 40), (60, 160, 60)
 ARROW_LENGTH = 1.0  # m for a force of the body's weight
@@ -33,7 +31,7 @@ class Figure:
         scene: Any,
         name: str,
         surface: Surface,
-        colour: tuple[int, int, int],
+        colour: str,
         opacity: float | None = None,
     ) -> None:
         self.node = scene.add_mesh_skinned(
@@ -43,7 +41,7 @@ class Figure:
             bone_wxyzs=np.tile(rotations.IDENTITY, (len(surface.joints), 1)),
             bone_positions=surface.joints - surface.joints[0],
             skin_weights=surface.weights,
-            color=colour,
+            color=palette.rgb_bytes(colour),
             opacity=opacity,
             visible=False,
             cast_shadow=opacity is None,
@@ -59,6 +57,25 @@ class Figure:
         self.node.position = poses[0, :3]
         send_bones(self.node, poses[:, :3] - poses[0, :3], poses[:, 3:])
         self.node.visible = True
+
+
+class Prop:
+    """What a hand holds: a rigid mesh that one joint carries."""
+
+    def __init__(
+        self, scene: Any, name: str, geom: HeldGeom, colour: str, opacity: float | None = None
+    ) -> None:
+        self._joint = geom.joint
+        self.node = scene.add_mesh_simple(
+            name, *held_mesh(geom), color=palette.rgb_bytes(colour), opacity=opacity,
+            visible=False, cast_shadow=opacity is None,
+        )  # fmt: skip
+
+    def show(self, poses: Array | None) -> None:
+        """Go with the joint in poses (22, 7): position (m), orientation; None hides it."""
+        if poses is not None:
+            self.node.position, self.node.wxyz = poses[self._joint, :3], poses[self._joint, 3:]
+        self.node.visible = poses is not None
 
 
 class Arrow:
@@ -91,14 +108,12 @@ class Lane:
     """
 
     def __init__(self, scene: Any, run: Run, index: int, many: int) -> None:
-        self.colour = COLOURS[index % len(COLOURS)]
         start = run.trajectory.reference_q[0, :2]
         # The first body stands leftmost as seen from in front of it.
-        across = LANE * (0.5 * (many - 1) - index)
+        across = LANE * (index - 0.5 * (many - 1))
         self.offset = np.array([-start[0], across - start[1], 0.0])
         self._root = scene.add_frame(f"/stage/{index}", show_axes=False, position=self.offset)
         self._beside = scene.add_frame(f"/stage/{index}/ghost", show_axes=False)
-        red, green, blue = (int(self.colour[i : i + 2], 16) for i in (1, 3, 5))
         self.looks: tuple[Look, ...] = ("skin", "capsules") if run.mesh else ("capsules",)
         surfaces = {
             look: capsule_surface(run.body)
@@ -107,13 +122,28 @@ class Lane:
             for look in self.looks
         }
         self._bodies = {
-            look: Figure(scene, f"/stage/{index}/{look}", surface, (red, green, blue))
+            look: Figure(scene, f"/stage/{index}/{look}", surface, palette.body(index))
             for look, surface in surfaces.items()
         }
         self._ghosts = {
-            look: Figure(scene, f"/stage/{index}/ghost/{look}", surface, GHOST, GHOST_OPACITY)
+            look: Figure(
+                scene, f"/stage/{index}/ghost/{look}", surface,
+                palette.SOURCE, palette.SOURCE_OPACITY,
+            )
             for look, surface in surfaces.items()
-        }
+        }  # fmt: skip
+        held = run.held()
+        self._props = [
+            Prop(scene, f"/stage/{index}/{geom.name}", geom, palette.of_rgb(geom.rgb))
+            for geom in held
+        ]
+        self._ghost_props = [
+            Prop(
+                scene, f"/stage/{index}/ghost/{geom.name}", geom,
+                palette.SOURCE, palette.SOURCE_OPACITY,
+            )
+            for geom in held
+        ]  # fmt: skip
         self._push = Arrow(scene, f"/stage/{index}/push", PUSH_COLOUR, 0.025)
         self._floor = [
             Arrow(scene, f"/stage/{index}/{side}_floor", FLOOR_COLOUR, 0.012)
@@ -126,7 +156,8 @@ class Lane:
     @property
     def targets(self) -> list[Any]:
         """The scene nodes that people click on to push the body."""
-        return [figure.node for figure in self._bodies.values()]
+        bodies = [figure.node for figure in self._bodies.values()]
+        return bodies + [prop.node for prop in self._props]
 
     def show(self, poses: Array, ghost: Array | None, look: Look, beside: bool) -> None:
         """Show the body in poses (22, 7) and its ghost in others, or none."""
@@ -135,7 +166,11 @@ class Lane:
             figure.show(poses if name == look else None)
         for name, figure in self._ghosts.items():
             figure.show(ghost if name == look else None)
-        self._beside.position = (0.0, 0.5 * LANE if beside else 0.0, 0.0)
+        for prop in self._props:
+            prop.show(poses)
+        for prop in self._ghost_props:
+            prop.show(ghost)
+        self._beside.position = (0.0, -0.5 * LANE if beside else 0.0, 0.0)
         self._label.position = (poses[0, 0], poses[0, 1], self._height + 0.25)
 
     def show_push(self, point: Array | None, impulse: Array | None) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from physique.export.layout import strength
 from physique.run import Run
 
 
@@ -133,12 +134,6 @@ def rows(run: Run) -> list[Row]:
     ]
 
 
-def limits(run: Run) -> str:
-    """How strong the joints are."""
-    value = run.record["identity"].get("torque_limit", "body")
-    return "own strength" if value == "body" else f"{value:g} Nm at every joint"
-
-
 def settings(run: Run) -> list[tuple[str, str]]:
     """What the run was made with."""
     record, identity = run.record, run.record["identity"]
@@ -149,7 +144,8 @@ def settings(run: Run) -> list[tuple[str, str]]:
         ("part", f"{begin or 0:g} s to " + ("the end" if end is None else f"{end:g} s")),
         ("frame rate", "as in the file" if identity.get("fps") is None else f"{identity['fps']:g}"),
         ("body", f"{run.body.name}, {run.body.height:.2f} m, {run.body.mass:.1f} kg"),
-        ("torque limits", limits(run)),
+        ("torque limits", strength(run)),
+        ("in the hands", run.holding or None),
         ("optimiser", identity.get("optimizer")),
         ("look-ahead", _seconds(identity.get("horizon"))),
         ("kept of each window", _seconds(identity.get("commit"))),
