@@ -22,7 +22,7 @@ from physique.feedback.choice import DEFAULT, Chooser
 from physique.feedback.connect import Trunk
 from physique.feedback.law import BOUND
 from physique.feedback.pushes import random_pushes
-from physique.feedback.tree import Branch, Tree, grown, trunk
+from physique.feedback.tree import Branch, grown, trunk
 from physique.simulation.closed_loop import Servo
 from physique.simulation.disturb import Push, simulate_pushed
 from physique.simulation.rollout import Feedback
@@ -114,7 +114,7 @@ class Grower:
     def __init__(self, simulator: Simulator, motion: Trunk, settings: Settings) -> None:
         self._simulator, self._motion, self._settings = simulator, motion, settings
         self._servo = Servo(simulator.character.xml)
-        self._root = trunk(
+        self.tree = trunk(
             motion.q, motion.v, motion.control, motion.com, motion.com_velocity, motion.gains
         )
         self._law = Feedback(
@@ -123,8 +123,8 @@ class Grower:
         self.meet([])
 
     def meet(self, branches: Sequence[Branch]) -> None:
-        """Let the tree be the motion and these branches."""
-        self.tree: Tree = grown(self._root, branches)
+        """Let the tree have these branches too."""
+        self.tree = grown(self.tree, branches)
         self._chooser = Chooser(self._servo, self.tree, DEFAULT, threads=1)
 
     def attempt(self, round_: Round, number: int) -> Attempt:

@@ -171,24 +171,20 @@ def _progress(rounds: Sequence[Round], done: dict[int, Done], now: int, left: fl
 
 
 class _Worker:
-    """One process's share: a grower, and the rounds that it has read."""
+    """One process's share: a grower, and how many rounds it has met. Rounds come in their order."""
 
     def __init__(self, job: Job) -> None:
         self._job = job
         self._simulator = Simulator(load_character(job.xml, job.body), 1)
         motion = make_trunk(self._simulator, job.q, job.v, job.control, job.weights)
         self._grower = Grower(self._simulator, motion, job.settings)
-        self._read: dict[int, tuple[Branch, ...]] = {}
         self._met = 0
 
     def attempt(self, round_: Round, number: int) -> Attempt:
         """A trial of a round, against the tree of all rounds before it."""
-        if self._met != round_.index:
-            for index in range(round_.index):
-                if index not in self._read:
-                    self._read[index] = _load(self._job, index).branches
-            before = [b for i in range(round_.index) for b in self._read[i]]
-            self._grower.meet(before)
+        if self._met < round_.index:
+            news = range(self._met, round_.index)
+            self._grower.meet([b for i in news for b in _load(self._job, i).branches])
             self._met = round_.index
         return self._grower.attempt(round_, number)
 
