@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from physique import rotations, skeleton
+from physique.motion.ground import speeds
 from physique.simulation import kinematics
 from physique.simulation.character import Character
 from physique.simulation.soles import LEGS, Feet, feet
@@ -123,7 +124,7 @@ def _add_foot(
     low = np.einsum("tk,tk->t", share, height)
     J_low = np.einsum("tk,tkj->tj", share, J[:, :, 2])
     problem.add(low[:, None], J_low[:, None], contacts[:, None] / scatter.touch, own)
-    speed = np.linalg.norm(np.gradient(source.points[:, side, :, :2], timestep, axis=0), axis=-1)
+    speed = speeds(source.points[:, side, :, :2], 1.0 / timestep)
     swing = np.clip((speed - scatter.still) / scatter.still, 0.0, 1.0) * ~contacts[:, None]
     for above, weight in ((0.0, 1 / scatter.touch), (scatter.clearance, swing / scatter.swing)):
         cost, slope = _floor(height - above, scatter.round)
