@@ -29,9 +29,9 @@ ControlName = Literal["targets", "torques"]
 #: A state that is this far from what was foreseen, in the weights of `_gap`, was pushed.
 _SURPRISE = 0.01
 #: Steps that a decision stands at least; at most, while what it leads to is no good.
-_REST, _PATIENCE = 5, 15
+_REST, _PATIENCE = 3, 5
 #: L of Eq. 21 from which on a way is no good.
-ZETA = 2.0
+ZETA = 1.0
 
 
 class Policy:
