@@ -161,19 +161,26 @@ def show_pushes(report: PushReport, as_json: bool) -> None:
     table(("", ""), rows)
 
 
-@contextmanager
-def counting(title: str, total: int) -> Iterator[Callable[[int, Trial], None]]:
-    """A progress bar on stderr of trials, and how many were survived; none where no terminal is."""
-    screen = Console(stderr=True)
-    bar = Progress(
+def _bar(screen: Console, state: TextColumn) -> Progress:
+    """A bar with a title, a state in words and the time; none where no terminal is."""
+    return Progress(
         TextColumn("{task.description}", markup=False),
         BarColumn(),
-        TextColumn("{task.completed} of {task.total}, {task.fields[survived]} survived"),
+        state,
         TimeElapsedColumn(),
         console=screen,
         transient=True,
         redirect_stdout=False,
         disable=not screen.is_terminal,
+    )
+
+
+@contextmanager
+def counting(title: str, total: int) -> Iterator[Callable[[int, Trial], None]]:
+    """A progress bar on stderr of trials, and how many were survived; none where no terminal is."""
+    screen = Console(stderr=True)
+    bar = _bar(
+        screen, TextColumn("{task.completed} of {task.total}, {task.fields[survived]} survived")
     )
     survived = 0
     with bar:
@@ -191,16 +198,7 @@ def counting(title: str, total: int) -> Iterator[Callable[[int, Trial], None]]:
 def growth(title: str) -> Iterator[Callable[[Grown], None]]:
     """A progress bar on stderr of a growing tree; where that is no terminal, a line a tenth."""
     screen = Console(stderr=True)
-    bar = Progress(
-        TextColumn("{task.description}", markup=False),
-        BarColumn(),
-        TextColumn("{task.fields[state]}", markup=False),
-        TimeElapsedColumn(),
-        console=screen,
-        transient=True,
-        redirect_stdout=False,
-        disable=not screen.is_terminal,
-    )
+    bar = _bar(screen, TextColumn("{task.fields[state]}", markup=False))
     with bar:
         task = bar.add_task(title, total=None, state="starting")
         told: set[int] = set()
@@ -223,16 +221,7 @@ def growth(title: str) -> Iterator[Callable[[Grown], None]]:
 def progress(title: str) -> Iterator[Callable[[Step], None]]:
     """A progress bar on stderr; where that is no terminal, a line now and then."""
     console = Console(stderr=True)
-    bar = Progress(
-        TextColumn("{task.description}", markup=False),
-        BarColumn(),
-        TextColumn("{task.fields[state]}", markup=False),
-        TimeElapsedColumn(),
-        console=console,
-        transient=True,
-        redirect_stdout=False,
-        disable=not console.is_terminal,
-    )
+    bar = _bar(console, TextColumn("{task.fields[state]}", markup=False))
     with bar:
         task = bar.add_task(title, total=None, state="reading")
         told: set[tuple[str, int]] = set()

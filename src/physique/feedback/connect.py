@@ -67,7 +67,7 @@ def make_trunk(
     """The motion q (T, 57), v (T, 56) under control (T - 1, 50), stabilised."""
     character = simulator.character
     gains = lqr.stabilize(character, simulator, q, v, control, weights)
-    pose = kinematics.poses(character, q)
+    pose = kinematics.poses(character, q, heights=False)
     return Trunk(
         q=q,
         v=v,

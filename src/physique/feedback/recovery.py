@@ -29,7 +29,7 @@ def recovery_target(
     optimiser that obeys physics makes them step.
     """
     time = timestep * np.arange(len(motion.q))
-    pose = kinematics.poses(character, q0[None])
+    pose = kinematics.poses(character, q0[None], heights=False)
     com, com_velocity = pose.com[0], pose.com_jacobian[0] @ v0
     carry = SETTLE * (com_velocity - motion.com_velocity[0])[:2]
     end = (com - motion.com[0])[:2] + carry
@@ -38,9 +38,9 @@ def recovery_target(
     start[:2] = 0.0
     q = integrate(motion.q, np.exp(-time / CALM)[:, None] * start)
     # Turning and bending move the centre of mass; the pelvis makes up for it.
-    q[:, :2] += motion.com[:, :2] + aside - kinematics.poses(character, q).com[:, :2]
+    q[:, :2] += motion.com[:, :2] + aside - kinematics.poses(character, q, heights=False).com[:, :2]
     q[0] = q0
     v = finite_velocity(q, timestep)
     v[0] = v0
-    pose = kinematics.poses(character, q)
+    pose = kinematics.poses(character, q, heights=False)
     return Target(q, v, pose.com, kinematics.com_velocity(pose.com_jacobian, v)), end

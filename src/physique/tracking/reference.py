@@ -88,7 +88,7 @@ def make_reference(motion: Motion, character: Character) -> Reference:
     if held_geoms(character.model):
         q = carry(character, q)
     v = finite_velocity(q, timestep)
-    pose = kinematics.poses(character, q)
+    pose = kinematics.poses(character, q, heights=False)
     return Reference(
         name=motion.name,
         timestep=timestep,
@@ -114,8 +114,8 @@ def carry(character: Character, q: Array) -> Array:
     """
     weights = Weights()
     timestep = float(character.model.opt.timestep)
-    full = kinematics.poses(character, q).com
-    aside = (full - kinematics.poses(empty_handed(character), q).com)[:, :2]
+    full = kinematics.poses(character, q, heights=False).com
+    aside = (full - kinematics.poses(empty_handed(character), q, heights=False).com)[:, :2]
     aside = gaussian_filter1d(aside, CARRY_SMOOTHING / timestep, axis=0, mode="nearest")
     resistance = np.concatenate(
         [np.full(3, _FREE), np.full(3, weights.root), weights.pose * weights.joints]
