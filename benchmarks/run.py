@@ -73,7 +73,7 @@ def main() -> None:
                 line = (
                     f"| {name} | {body} | {'body' if limit == 'body' else f'{limit:g} Nm'} "
                     f"| {'yes' if m['success'] else 'no'} | {m['mpjpe_mm']:.1f} "
-                    f"| {m['mpjpe_max_mm']:.0f} | {m['foot_skate_mm_per_s']:.0f} "
+                    f"| {m['mpjpe_max_mm']:.0f} | {m['foot_skate_planted_mm_per_s']:.0f} "
                     f"({m['foot_skate_source_mm_per_s']:.0f}) | {m['penetration_mm']:.1f} "
                     f"| {m['sim_steps_per_motion_s'] / 1e3:.0f} "
                     f"| {m['wall_s_per_motion_s']:.1f} |\n"

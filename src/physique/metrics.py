@@ -70,10 +70,13 @@ def measure(
         "root_error_max_mm": 1e3 * float(root.max()),
         "drift_mm": 1e3 * float(np.linalg.norm(shift - shift[0], axis=1).max()),
         "foot_skate_mm_per_s": foot_skate(character, trajectory.q, step),
-        "foot_skate_source_mm_per_s": foot_skate(character, reference.q[:frames], step),
+        "foot_skate_reference_mm_per_s": foot_skate(character, reference.q[:frames], step),
         "foot_skate_planted_mm_per_s": foot_skate(character, trajectory.q, step, planted),
-        "foot_skate_planted_source_mm_per_s": foot_skate(
+        "foot_skate_planted_reference_mm_per_s": foot_skate(
             character, reference.q[:frames], step, planted
+        ),
+        "foot_skate_source_mm_per_s": foot_skate(
+            character, reference.source_q[:frames], step, planted, own_floor=True
         ),
         "penetration_mm": 1e3 * float(sunk.mean()),
         "penetration_max_mm": 1e3 * float(sunk.max()),
@@ -98,15 +101,20 @@ def foot_skate(
     q: Array,
     timestep: float,
     planted: NDArray[np.bool_] | None = None,
+    own_floor: bool = False,
 ) -> float:
     """Horizontal speed, mm/s, of what touches the floor in q (T, 57), over the time it does.
 
     Corners of a foot touch where contact acts, at both ends of a step; the foot's speed is their
-    mean. planted: (T, 2), counts only these frames of the left and the right foot. 0 where nothing
-    ever touches.
+    mean. planted: (T, 2), counts only these frames of the left and the right foot. own_floor: each
+    foot has its floor under its lowest corner, in each frame; for recordings, where feet hover and
+    sink. 0 where nothing ever touches.
     """
     points = sole_points(character, q)  # (T, 2, 16, 3)
-    low = points[..., 2] <= CONTACT_FADE
+    height = points[..., 2]
+    if own_floor:
+        height = height - height.min(axis=-1, keepdims=True)
+    low = height <= CONTACT_FADE
     if planted is not None:
         low &= planted[..., None]
     touching = low[:-1] & low[1:]  # (T - 1, 2, 16)

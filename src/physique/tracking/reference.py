@@ -35,6 +35,8 @@ class Reference:
     """T frames at the simulator's step: target states and which feet should be on the floor.
 
     q (T, 57), v (T, 56), com and com_velocity (T, 3), contacts (T, 2) bool, joints (T, 22, 3) m.
+    source_q (T, 57): the recording's angles and path on this body, before a floor was put under
+    its feet.
     """
 
     name: str
@@ -45,6 +47,7 @@ class Reference:
     com_velocity: Array
     contacts: NDArray[np.bool_]
     joints: Array
+    source_q: Array
 
     @property
     def frames(self) -> int:
@@ -82,9 +85,11 @@ def make_reference(motion: Motion, character: Character) -> Reference:
     hips[:, 2] -= hip_middle(motion.rest_joints)[2]
     root = hips - rotations.rotate(motion.rotations[:, 0], hip_middle(rest))
     angles = gimbal.calm(reduced.to_angles(motion.rotations, rest), timestep)
-    q = np.concatenate([root, motion.rotations[:, 0], angles], axis=1)
+    source_q = np.concatenate([root, motion.rotations[:, 0], angles], axis=1)
     ankles = joint_positions(motion)[:, list(footing.ANKLES), :2]
-    q = footing.stand(empty_handed(character), q, motion.contacts, start + scale * (ankles - start))
+    q = footing.stand(
+        empty_handed(character), source_q, motion.contacts, start + scale * (ankles - start)
+    )
     if held_geoms(character.model):
         q = carry(character, q)
     v = finite_velocity(q, timestep)
@@ -98,6 +103,7 @@ def make_reference(motion: Motion, character: Character) -> Reference:
         com_velocity=kinematics.com_velocity(pose.com_jacobian, v),
         contacts=motion.contacts,
         joints=pose.joints,
+        source_q=source_q,
     )
 
 
