@@ -12,7 +12,7 @@ mpl.use("Agg")
 import matplotlib.pyplot as plt
 
 STEPS_PER_SIMULATION = 81
-MARKS = (10_000, 100_000, 400_000, 1_000_000, 1_600_000, 4_000_000, 8_000_000, 16_000_000)  # steps
+MARKS = (10_000, 100_000, 1_000_000, 3_200_000, 8_000_000, 16_000_000, 32_000_000)  # steps
 
 
 @dataclass(frozen=True)
@@ -51,30 +51,49 @@ they take beyond that shows in the seconds.
 The last two are written anew from these parameters (`benchmarks/samplers.py` says what they leave
 open and what we chose); they are not their authors' code, and only the sampler is compared.
 
+{summary}
+
 {table}
-
-![E over simulated steps and over seconds](images/optimizers.png)
-
-Above over simulated steps, below over seconds on one thread of a shared machine. A filled end: the
-search was finished; an open end: it was not.
 
 E after so many simulated steps:
 
 {progress}
+
+{pictures}
+
+A filled end: the search was finished; an open end: it was not.
 
 `python benchmarks/compare_optimizers.py` measures this again (hours on one core; `--budget 2000
 --rival-steps 400000 --out out/bench` for a short look), `--only fast` only the fast one.
 """
 
 
+#: Pictures: what is drawn, over what.
+AXES = {
+    "cost": "E (Eq. 2)",
+    "error_mm": "mean joint error, mm",
+    "steps": "simulated steps",
+    "times": "seconds of one processor",
+}
+PICTURES = [(y, x) for x in ("steps", "times") for y in ("cost", "error_mm")]
+
+
 def write_report(results: dict, docs: Path) -> None:
-    """Write docs/optimizers.md and docs/images/optimizers.png."""
+    """Write docs/optimizers.md and docs/images/optimizers_*.png."""
     rows = results["windows"]
     (docs / "images").mkdir(parents=True, exist_ok=True)
-    (docs / "optimizers.md").write_text(
-        TEXT.format(table=_table(rows), progress=_progress(rows)), encoding="utf-8"
+    names = [f"optimizers_{y}_{x}.png" for y, x in PICTURES]
+    text = TEXT.format(
+        summary=_summary(rows),
+        table=_table(rows),
+        progress=_progress(rows),
+        pictures="\n\n".join(
+            f"![{AXES[y]} over {AXES[x]}](images/{name})" for (y, x), name in zip(PICTURES, names)
+        ),
     )
-    _plot(rows, docs / "images" / "optimizers.png")
+    (docs / "optimizers.md").write_text(text, encoding="utf-8")
+    for (y, x), name in zip(PICTURES, names):
+        _plot(rows, y, x, docs / "images" / name)
 
 
 def entries(row: dict) -> dict[str, dict]:
@@ -84,14 +103,34 @@ def entries(row: dict) -> dict[str, dict]:
     return {name: row[name] for name in order}
 
 
-def _body(row: dict) -> str:
-    return row.get("body", "average")  # results from before there was a choice
+def _summary(rows: dict) -> str:
+    """What `fast` reaches against each of the others, where both were run to their end."""
+    lines = []
+    for name in LOOKS:
+        pairs = [
+            (row["fast"], row[name])
+            for row in rows.values()
+            if name != "fast" and name in row and "fast" in row and row[name]["done"]
+        ]
+        if not pairs:
+            continue
+        ratios = [ours["final_cost"] / theirs["final_cost"] for ours, theirs in pairs]
+        steps = [theirs["final_steps"] / ours["final_steps"] for ours, theirs in pairs]
+        lower = sum(ratio < 1 for ratio in ratios)
+        lines.append(
+            f"- Of {len(pairs)} windows `fast` ends lower than `{name}` on {lower}. "
+            f"E is {np.median(ratios):.3f} times that of `{name}` in the median "
+            f"({min(ratios):.3f} to {max(ratios):.3f}), which took {np.median(steps):,.0f} times "
+            "the simulated steps."
+        )
+    return "\n".join(lines)
 
 
 def _table(rows: dict) -> str:
     lines = [
-        "| window | body | optimiser | E | simulated steps | seconds | `fast` needs for this E |",
-        "| --- | --- | --- | --- | --- | --- | --- |",
+        "| window | body | optimiser | E | error mm | simulated steps | seconds "
+        "| `fast` needs for this E |",
+        "| --- " * 8 + "|",
     ]
     stale = False
     for key, row in rows.items():
@@ -105,8 +144,9 @@ def _table(rows: dict) -> str:
         for name, entry in found.items():
             bold = "**" if entry["final_cost"] == lowest else ""
             lines.append(
-                f"| {label} | {_body(row)} | {name}{note} "
-                f"| {bold}{entry['final_cost']:.2f}{bold} | {_steps(entry)} "
+                f"| {label} | {row['body']} | {name}{note} "
+                f"| {bold}{entry['final_cost']:.2f}{bold} | {entry['error_mm'][-1]:.0f} "
+                f"| {_steps(entry)} "
                 f"| {entry['seconds']:.0f} | {_need(fast, entry)} |"
             )
     if stale:
@@ -119,7 +159,7 @@ def _table(rows: dict) -> str:
 
 
 def _window(key: str, row: dict) -> str:
-    return key.removesuffix(f", {_body(row)}")
+    return key.removesuffix(f", {row['body']}")
 
 
 def _steps(entry: dict) -> str:
@@ -146,7 +186,7 @@ def _progress(rows: dict) -> str:
     for key, row in rows.items():
         for name, entry in entries(row).items():
             cells = " | ".join(_cost_at(entry, mark) for mark in marks)
-            lines.append(f"| {_window(key, row)} | {_body(row)} | {name} | {cells} |")
+            lines.append(f"| {_window(key, row)} | {row['body']} | {name} | {cells} |")
     return "\n".join(lines)
 
 
@@ -160,45 +200,39 @@ def _cost_at(entry: dict, mark: int) -> str:
     return f"{cost[until][-1]:.2f}"
 
 
-def _seconds(entry: dict) -> np.ndarray:
-    """Seconds at each point of the curve; results from before these were stored are spread evenly,
-    as the time of a step hardly changes."""
-    if "times" in entry:
-        return np.array(entry["times"])
-    return np.array(entry["steps"]) / entry["final_steps"] * entry["seconds"]
-
-
-def _plot(rows: dict, path: Path) -> None:
-    columns = max(1, len(rows))
+def _plot(rows: dict, y: str, x: str, path: Path) -> None:
+    """A panel a window, a row of panels a body."""
+    bodies = list(dict.fromkeys(row["body"] for row in rows.values()))
+    windows = list(dict.fromkeys(_window(key, row) for key, row in rows.items()))
+    shape = max(1, len(bodies)), max(1, len(windows))
     figure, axes = plt.subplots(
-        2, columns, figsize=(3.6 * columns, 6.4), sharex="row", sharey=True,
+        *shape, figsize=(3.4 * shape[1], 2.7 * shape[0]), sharex=True, sharey=True,
         squeeze=False, layout="constrained",
     )  # fmt: skip
-    for (above, below), (key, row) in zip(axes.T, rows.items()):
-        body = _body(row)
-        above.set_title(key if body == "average" else f"{_window(key, row)}, {body}")
+    for key, row in rows.items():
+        axis = axes[bodies.index(row["body"]), windows.index(_window(key, row))]
+        axis.set_title(key, fontsize=10)
         for name, entry in entries(row).items():
-            _draw(above, np.array(entry["steps"]), entry, name)
-            _draw(below, np.maximum(_seconds(entry), 0.05), entry, name)
-        above.set_xlabel("simulated steps")
-        below.set_xlabel("seconds, one thread")
+            _draw(axis, np.maximum(entry[x], 0.01), entry[y], name, entry["done"])
     for axis in axes.flat:
         axis.set(xscale="log", yscale="log")
         axis.grid(alpha=0.3, which="major", lw=0.4)
     for axis in axes[:, 0]:
-        axis.set_ylabel("E (Eq. 2)")
-    handles = {label: handle for axis in axes[0]
+        axis.set_ylabel(AXES[y])
+    for axis in axes[-1]:
+        axis.set_xlabel(AXES[x])
+    handles = {label: handle for axis in axes.flat
                for handle, label in zip(*axis.get_legend_handles_labels())}  # fmt: skip
     if handles:
         names = [*(n for n in LOOKS if n in handles), *(n for n in handles if n not in LOOKS)]
         figure.legend([handles[n] for n in names], names, loc="outside upper center",
                       ncols=len(names), frameon=False)  # fmt: skip
-    figure.savefig(path, dpi=130)
+    figure.savefig(path, dpi=100)
     plt.close(figure)
 
 
-def _draw(axis: plt.Axes, x: np.ndarray, entry: dict, name: str) -> None:
+def _draw(axis: plt.Axes, x: np.ndarray, y: list[float], name: str, done: bool) -> None:
     look = LOOKS.get(name, OTHER)
-    axis.plot(x, entry["cost"], look.dash, color=look.color, lw=look.width, label=name)
-    axis.plot(x[-1], entry["cost"][-1], "o", color=look.color, ms=6, zorder=3,
-              markerfacecolor=look.color if entry["done"] else "white")  # fmt: skip
+    axis.plot(x, y, look.dash, color=look.color, lw=look.width, label=name)
+    axis.plot(x[-1], y[-1], "o", color=look.color, ms=6, zorder=3,
+              markerfacecolor=look.color if done else "white")  # fmt: skip

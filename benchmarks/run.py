@@ -43,9 +43,9 @@ ROWS: dict[str, tuple[str | Path, dict[str, Any], tuple[str, ...], tuple[Any, ..
     **{name: (name, {}, ("average",), ("body",)) for name in LIBRARY},
 }
 HEAD = (
-    "| clip | body | limits | followed | error, mean mm | worst frame | foot skate mm/s (source) "
-    "| penetration mm | thousand steps/s | compute s/s |\n| --- | --- | --- | --- | --- | --- "
-    "| --- | --- | --- | --- |\n"
+    "| clip | body | limits | followed | error, mean mm | worst frame "
+    "| standing feet skate mm/s (recording) | penetration mm | thousand steps/s | compute s/s |\n"
+    "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n"
 )
 
 

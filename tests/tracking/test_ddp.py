@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -220,6 +221,29 @@ def test_same_bits_on_two_threads(
     assert other.history == solved[0].history
     assert np.array_equal(other.rollout.q, solved[0].rollout.q)
     assert steps == solved[1]
+
+
+def test_hard_windows_are_searched_again_and_the_best_is_kept(
+    problem: Problem, nominal: Rollout
+) -> None:
+    restarts = ((30.0, 0.3), (0.3, 1.0))
+    alone = ddp.Options(iterations=4, restarts=())
+    costs, steps = [], 0
+    with Simulator(problem.character, 1) as simulator:
+        for damping, kink in restarts:
+            one = replace(alone, damping=damping, start_dampings=(damping,), first_kink=kink)
+            costs.append(ddp.solve(problem, simulator, nominal, one).cost)
+        first = ddp.solve(problem, simulator, nominal, alone)
+        steps, told = simulator.steps, []
+        again = replace(alone, restarts=restarts, hard=0.99 * first.cost)
+        found = ddp.solve(problem, simulator, nominal, again, lambda i, c: told.append((i, c)))
+        easy = ddp.solve(problem, simulator, nominal, replace(again, hard=1.01 * first.cost))
+    assert found.cost == min(first.cost, *costs)
+    assert len({first.cost, *costs}) == 3
+    assert found.steps == steps
+    assert [i for i, _ in told] == list(range(1, len(told) + 1))
+    assert all(after <= before for (_, before), (_, after) in pairwise(told))
+    assert (easy.cost, easy.steps) == (first.cost, first.steps)
 
 
 def test_the_policy_with_no_step_repeats_the_motion(

@@ -101,7 +101,7 @@ def connect(
             control[:known] = tail[2][:known]
         found = ddp.solve(
             problem, simulator, nominal_motion(problem, guess_q, guess_v, control),
-            ddp.Options(iterations=options.iterations),
+            ddp.Options(iterations=options.iterations, restarts=()),
         )  # fmt: skip
         keep = end - at if end == trunk.last else options.keep
         motion_found, at = found.rollout, at + keep

@@ -4,12 +4,15 @@ Each iteration linearises the simulator along the current motion, solves the lin
 problem backwards in time, and runs the resulting feedback policy forwards in closed loop at
 several step lengths. Torque limits are box limits of each step's quadratic program (`box`); in a
 roll-out a target beyond the limit is moved back to it.
+
+Where the body cannot follow well, E has many valleys (a heavy man's step ends at 3 to 58, by how
+boldly the search begins), so hard windows are searched more than once.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +41,8 @@ class Options:
     step_lengths: of the line search, in pairs.
     damping: of the controls, at the start, its least and its greatest value; start_dampings are
         tried side by side to close the gaps of the nominal motion.
+    hard: where the first search ends at a larger E, there are `restarts`: (damping, first_kink) of
+        one search each, from the same nominal motion; the damping closes the gaps too.
     """
 
     iterations: int = 14
@@ -50,6 +55,8 @@ class Options:
     start_dampings: tuple[float, ...] = (1.0, 10.0)
     damping_least: float = 1e-5
     damping_most: float = 1e4
+    hard: float = 20.0
+    restarts: tuple[tuple[float, float], ...] = ((30.0, 0.3), (0.3, 1.0))
 
 
 def solve(
@@ -64,7 +71,39 @@ def solve(
     Where a step from a nominal state misses the next one (a gap), the first backward pass takes
     the gap into account and the first forward pass closes it: started at the reference itself,
     this is LQR tracking of the reference, which stands where open-loop controls fall.
+
+    Of several searches the best is returned, with the steps of all. on_iteration: their number,
+    counted on, and the lowest E so far.
     """
+    before = simulator.steps
+    iterations, lowest = 0, np.inf
+
+    def tell(_: int, cost: float) -> None:
+        nonlocal iterations, lowest
+        iterations, lowest = iterations + 1, min(lowest, cost)
+        if on_iteration is not None:
+            on_iteration(iterations, lowest)
+
+    best = _search(problem, simulator, nominal, options, tell)
+    if best.cost > options.hard:
+        for damping, kink in options.restarts:
+            other = replace(options, damping=damping, start_dampings=(damping,), first_kink=kink)
+            best = min(best, _search(problem, simulator, nominal, other, tell), key=_cost)
+    return replace(best, steps=simulator.steps - before)
+
+
+def _cost(solution: Solution) -> float:
+    return solution.cost
+
+
+def _search(
+    problem: Problem,
+    simulator: Simulator,
+    nominal: Rollout,
+    options: Options,
+    on_iteration: Callable[[int, float], None],
+) -> Solution:
+    """From one damping to the bottom of one valley."""
     before = simulator.steps
     history: list[float] = []
     about_nominal = _expand(problem, simulator, nominal, None, options.first_kink)
@@ -95,8 +134,7 @@ def solve(
         best, cost, length = found
         derivatives = None
         history.append(cost)
-        if on_iteration is not None:
-            on_iteration(iteration, cost)
+        on_iteration(iteration, cost)
         damping = _adapt(damping, length, options)
     return Solution(best, cost, tuple(history), simulator.steps - before, status)
 
