@@ -228,8 +228,9 @@ def _track(
     tell(0, None)
     with quiet(), Simulator(character, threads) as simulator:
         windows = track(
-            character, reference, q0, v0, simulator, _optimizer(optimizer, seed, tell), schedule,
-            weights, [c.window for c in done],
+            character, reference, q0, v0, simulator,
+            _optimizer(optimizer, schedule.hard, seed, tell), schedule, weights,
+            [c.window for c in done],
         )  # fmt: skip
         clock = time.perf_counter()
         for window in windows:
@@ -251,7 +252,7 @@ def _track(
 
 
 def _optimizer(
-    name: OptimizerName, seed: int, tell: Callable[[int, float | None], None]
+    name: OptimizerName, hard: float, seed: int, tell: Callable[[int, float | None], None]
 ) -> Optimizer:
     if name == "paper":
         options = cma.Options(seed=seed)
@@ -262,7 +263,7 @@ def _optimizer(
         return paper
 
     def fast(problem: Problem, simulator: Simulator, nominal: Any) -> Solution:
-        return ddp.solve(problem, simulator, nominal, ddp.Options(), tell)
+        return ddp.solve(problem, simulator, nominal, ddp.Options(hard=hard), tell)
 
     return fast
 
