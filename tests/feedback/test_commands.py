@@ -52,9 +52,8 @@ def test_the_commands_work_together(copy: Path, capfd: pytest.CaptureFixture[str
     assert made["trials"] == 3
     assert made["decision_ms"] is None
     assert made["delta_v"] == pytest.approx(10 / 75, rel=1e-3)
-    assert (
-        call("grow", copy, "--interval", 0.3, "--forces", "900", "--trials", 2, "--workers", 1) == 0
-    )
+    grow = ["grow", copy, "--interval", 0.3, "--forces", "900", "--trials", 2, "--workers", 1]
+    assert call(*grow) == 0
     printed = capfd.readouterr()
     assert "simulated steps" in printed.out
     assert "covered" in printed.err
@@ -62,6 +61,14 @@ def test_the_commands_work_together(copy: Path, capfd: pytest.CaptureFixture[str
     assert tree["trials"] == sum(s["trials"] for s in tree["subtrees"])
     assert tree["perturbed_states"] == load_policy(copy / "policy.npz").tree.branches > 0
     assert not (copy / "tree").exists()
+    made_at = (copy / "policy.npz").stat().st_mtime_ns
+    assert call(*grow, "--resume") == 0
+    again = capfd.readouterr()
+    assert again.out == printed.out
+    assert "the tree is finished" in again.err
+    assert call(*grow, "--seed", 1, "--resume") == 2
+    assert "other options" in capfd.readouterr().err
+    assert (copy / "policy.npz").stat().st_mtime_ns == made_at
     assert call(*push, "--controller", "tree") == 0
     made = json.loads(capfd.readouterr().out)
     assert set(made["decision_ms"]) == {"median", "worst"}
@@ -75,6 +82,7 @@ def test_the_commands_work_together(copy: Path, capfd: pytest.CaptureFixture[str
         (["push", "RUN", "--impulse", "x"], "impulse"),
         (["grow", "RUN", "--forces", "1,a"], "--forces"),
         (["grow", "RUN", "--forces", "-5"], "forces"),
+        (["grow", "RUN", "--parts", "tail"], "names of parts"),
         (["grow", "RUN", "--interval", "0"], "interval"),
         (["grow", "RUN", "--workers", "0"], "workers"),
         (["grow", "RUN", "--trials", "0"], "trials"),

@@ -18,8 +18,9 @@ Array = NDArray[np.float64]
 
 #: A body that is further off, on average over its joints, no longer performs the motion.
 SURVIVAL_LIMIT = 0.5  # m
-#: It has recovered once its pose stays this near, wherever it stands.
+#: It has recovered once it stays this near to the motion, beside its place as it ends, for so long.
 RECOVERY_LIMIT = 0.05  # m
+RECOVERY_STAY = 0.5  # s
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,8 @@ class Trial:
     """A push and what came of it.
 
     survived: to the end of the motion. error: m, the greatest mean body position error. recovery:
-    s from the push's beginning until the pose is the motion's again; None where it never is.
+    s from the push's beginning until the body performs the motion again (`recovery_time`); None
+    where it does not before the motion's end.
     decisions: s that each online decision took.
     """
 
@@ -46,12 +48,13 @@ def random_pushes(
     steps: int,
     start: tuple[int, int],
     timestep: float,
+    parts: Sequence[int] = range(22),
 ) -> list[Push]:
-    """Pushes of `impulse` Ns over `steps` steps: any part, any direction, from any step in
+    """Pushes of `impulse` Ns over `steps` steps: any of `parts`, any direction, from any step in
     start[0] to start[1] on, all equally likely."""
     out = []
     for _ in range(count):
-        part = int(rng.integers(22))
+        part = parts[int(rng.integers(len(parts)))]
         direction = rng.normal(size=3)
         force = impulse / (steps * timestep) * direction / np.linalg.norm(direction)
         out.append(
@@ -102,12 +105,17 @@ def body_error(joints: Array, wanted: Array) -> float:
 
 
 def recovery_time(joints: Array, wanted: Array, timestep: float) -> float | None:
-    """s until the pose (T, 22, 3) is the wanted one for good, wherever on the floor it is."""
-    beside = (joints - wanted)[:, :1] * np.array([1.0, 1.0, 0.0])
-    off = np.linalg.norm(joints - wanted - beside, axis=2).mean(axis=1) > RECOVERY_LIMIT
-    if off[-1]:
-        return None
-    return float((np.flatnonzero(off)[-1] + 1) * timestep) if off.any() else 0.0
+    """s until joints (T, 22, 3) are for good within `RECOVERY_LIMIT`, on average, of the wanted
+    ones moved to where the body ends; 0 where they always are.
+
+    A body that has stepped aside need not come back, but one that sways, turns or drifts has not
+    recovered: None where it is within the limit for less than `RECOVERY_STAY` before the end.
+    """
+    off = joints - wanted
+    aside = off[-1].mean(axis=0) * np.array([1.0, 1.0, 0.0])
+    far = np.flatnonzero(np.linalg.norm(off - aside, axis=2).mean(axis=1) > RECOVERY_LIMIT)
+    steps = int(far[-1]) + 1 if len(far) else 0
+    return steps * timestep if (len(joints) - 1 - steps) * timestep >= RECOVERY_STAY else None
 
 
 def run_trials(
