@@ -9,8 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from physique import skeleton
 from physique.cli import main
 from physique.experiments import fig6, table1, table2
+from physique.experiments.recovery import longest_step
 from physique.feedback.policy import load_policy
 from physique.robustness import PushReport
 
@@ -113,3 +115,23 @@ def test_the_kicking_foot_is_the_highest_one() -> None:
     joints[10, 7, 2] = 0.5
     assert fig6.kicking_foot(joints, 0.01, None) == (8, 30)
     assert fig6.kicking_foot(joints, 0.01, 0.1) == (7, 10)
+
+
+def test_a_recovery_step_is_a_foot_that_is_set_down_elsewhere() -> None:
+    wanted = np.zeros((120, 22, 3))
+    toes = skeleton.INDEX["left_foot"]
+    moved = np.clip((np.arange(120) - 40) / 20.0, 0.0, 1.0)[:, None] * np.array([0.2, -0.1, 0.0])
+    slid = wanted.copy()
+    slid[:, toes] += moved
+    assert longest_step(slid, wanted, 0.01) is None
+    stepped = slid.copy()
+    stepped[40:61, toes, 2] = 0.1 * np.sin(np.linspace(0.0, np.pi, 21))
+    step = longest_step(stepped, wanted, 0.01)
+    assert step is not None
+    assert step.foot == "left"
+    assert 58 <= step.frame <= 62
+    assert step.length == pytest.approx(np.hypot(0.2, 0.1), abs=0.01)
+    assert longest_step(stepped, stepped, 0.01) is None  # the motion's own step is none
+    falling = stepped.copy()
+    falling[60:, toes, 2] += 0.3  # in the air to the end
+    assert longest_step(falling, wanted, 0.01) is None

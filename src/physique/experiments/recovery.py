@@ -119,7 +119,7 @@ def find(options: Recovery, run: Run) -> tuple[Step, dict[str, Trial]]:
     for push in pushes:
         trials: dict[str, Trial] = {}
         for name, policy in policies.items():
-            trials[name] = run_trial(character, policy, push, joints)
+            trials[name] = run_trial(character, policy, push, joints, to_end=name == "lqr")
             if trials[name].survived != (name == "tree"):
                 break
         else:
@@ -138,7 +138,7 @@ def draw(run: Run, trials: dict[str, Trial], folder: Path) -> tuple[Path, Path]:
     start = trials["tree"].push.start
     rows = []
     for label, trial in trials.items():
-        q = _until(trial.motion.q, len(trials["tree"].motion.q))
+        q = trial.motion.q
         rows.append(
             strip(character.model, q, PANELS, fps=1 / timestep, panel=(130, 180),
                   reference_q=run.trajectory.q[start : start + len(q)], labels=("motion", label))
@@ -154,11 +154,6 @@ def draw(run: Run, trials: dict[str, Trial], folder: Path) -> tuple[Path, Path]:
     return folder / "recovery.png", video
 
 
-def _until(q: Array, frames: int) -> Array:
-    """q (T, 57) with its last pose held to the end."""
-    return np.asarray(q[np.minimum(np.arange(frames), len(q) - 1)])
-
-
 def main(arguments: list[str] | None = None) -> None:
     """Find a recovery step, draw it, and say what it is."""
     options = tyro.cli(Recovery, args=arguments)
@@ -170,7 +165,7 @@ def main(arguments: list[str] | None = None) -> None:
         sys.stdout.write(f"{path}\n")
     sys.stdout.write(
         f"{options.impulse:g} Ns on the {push.name} at {push.start * run.timestep:.2f} s: "
-        f"lqr falls after {(len(trials['lqr'].motion.q) - 1) * run.timestep:.2f} s; with the tree "
+        f"lqr is lost after {trials['lqr'].lost:.2f} s; with the tree "
         f"the {step.foot} foot comes down {step.length:.2f} m from its place "
         f"{step.frame * run.timestep:.2f} s after the push\n"
     )

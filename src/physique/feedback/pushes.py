@@ -27,15 +27,17 @@ RECOVERY_STAY = 0.5  # s
 class Trial:
     """A push and what came of it.
 
-    survived: to the end of the motion. error: m, the greatest mean body position error. recovery:
-    s from the push's beginning until the body performs the motion again (`recovery_time`); None
-    where it does not before the motion's end.
+    survived: to the end of the motion. error: m, the greatest mean body position error. lost: s
+    from the push's beginning until that was above `SURVIVAL_LIMIT`, None where it is survived.
+    recovery: s from the push's beginning until the body performs the motion again
+    (`recovery_time`); None where it does not before the motion's end.
     decisions: s that each online decision took.
     """
 
     push: Push
     survived: bool
     error: float
+    lost: float | None
     recovery: float | None
     decisions: tuple[float, ...]
     motion: Pushed
@@ -63,10 +65,12 @@ def random_pushes(
     return out
 
 
-def run_trial(character: Character, policy: Policy, push: Push, joints: Array) -> Trial:
+def run_trial(
+    character: Character, policy: Policy, push: Push, joints: Array, *, to_end: bool = False
+) -> Trial:
     """Perform the motion from the push's beginning to its end; joints (T, 22, 3), m, of it.
 
-    Given up as soon as the body is too far off.
+    Given up as soon as the body is too far off, unless `to_end`, for pictures of its fall.
     """
     tree, first = policy.tree, push.start
     policy.reset(first)
@@ -82,17 +86,19 @@ def run_trial(character: Character, policy: Policy, push: Push, joints: Array) -
     motion = simulate_pushed(
         character, tree.q[first], tree.v[first], tree.frames - 1 - first, control,
         Push(push.part, push.force, 0, push.steps),
-        lambda t, at: body_error(at, joints[first + t]) <= SURVIVAL_LIMIT,
+        lambda t, at: to_end or body_error(at, joints[first + t]) <= SURVIVAL_LIMIT,
     )  # fmt: skip
     reached = len(motion.joints)
     wanted = joints[first : first + reached]
     errors = np.linalg.norm(motion.joints - wanted, axis=2).mean(axis=1)
     whole = first + reached == tree.frames and not motion.diverged
-    survived = bool(whole and errors.max() <= SURVIVAL_LIMIT)
+    off = np.flatnonzero(errors > SURVIVAL_LIMIT)
+    survived = bool(whole and len(off) == 0)
     return Trial(
         push=push,
         survived=survived,
         error=float(errors.max()),
+        lost=None if survived else (int(off[0]) if len(off) else reached) * policy.timestep,
         recovery=recovery_time(motion.joints, wanted, policy.timestep) if survived else None,
         decisions=tuple(decisions),
         motion=motion,
