@@ -128,9 +128,9 @@ class Grower:
         )
         self.meet([])
 
-    def meet(self, branches: Sequence[Branch]) -> None:
-        """Let the tree have these branches too."""
-        self.tree = grown(self.tree, branches)
+    def meet(self, branches: Sequence[Branch], gains: NDArray[np.float16] | None = None) -> None:
+        """Let the tree have these branches too; gains: see `grown`."""
+        self.tree = grown(self.tree, branches, gains)
         self._chooser = Chooser(self._servo, self.tree, DEFAULT, threads=1)
 
     def attempt(self, round_: Round, number: int) -> Attempt:

@@ -1,8 +1,8 @@
 """Growing a tree on several processes, with every round kept on disk as soon as it is done.
 
-The files of the rounds are also how the processes hear of each other's branches. A round that is
-missing or damaged is made again against the same tree as before, to the same bits, and the rounds
-after it stay.
+The files of the rounds are also how the processes hear of each other's branches; gains, which are
+most of a tree, they read from a file that they share. A round that is missing or damaged is made
+again against the same tree as before, to the same bits, and the rounds after it stay.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from physique.errors import InputError
 from physique.feedback.connect import Trunk, make_trunk
 from physique.feedback.grow import Attempt, Grower, Round, Settings, plan
 from physique.feedback.lqr import WeightsName
-from physique.feedback.tree import Branch, Tree, grown, trunk
+from physique.feedback.tree import GAIN_TYPE, Branch, Tree, grown, trunk
 from physique.simulation.character import Character, load_character
 from physique.simulation.quiet import quiet
 from physique.simulation.simulator import Simulator
@@ -42,7 +42,7 @@ Array = NDArray[np.float64]
 log = logging.getLogger(__name__)
 
 _ATTEMPTS = 3  # at a round whose process was killed
-_M_MMAP_THRESHOLD, _LARGE = -3, 1 << 20  # an option of glibc; bytes
+_M_MMAP_THRESHOLD, _LARGE = -3, 1 << 17  # an option of glibc; bytes
 
 
 @dataclass(frozen=True)
@@ -124,10 +124,15 @@ def grow(
     job = Job(character.xml, character.body, q, v, control, weights, settings, folder)
     rounds = plan(settings, len(q), float(character.model.opt.timestep))
     done = _open(job, rounds, resume)
+    _free_at_once()
+    with quiet(), Simulator(character, 1) as simulator:
+        start = root(make_trunk(simulator, q, v, control, weights))
+    _gains_path(job).write_bytes(start.gains.tobytes())
     spent, made = 0.0, 0
     with _team(job, workers) as attempt:
         for index, round_ in enumerate(rounds):
             if round_.index in done:
+                _add_gains(job, _load(job, round_.index)[1])
                 continue
             clock = time.perf_counter()
             results = attempt(round_)
@@ -142,15 +147,15 @@ def grow(
                 cpu=sum(r.cpu for r in results),
             )
             _save(job, round_, found, branches)
+            _add_gains(job, branches)
             done[round_.index] = found
             spent, made = spent + seconds, made + 1
             if progress is not None:
                 left = spent / made * (len(rounds) - len(done))
                 progress(_progress(rounds, done, index, left))
-    with quiet(), Simulator(character, 1) as simulator:
-        motion = make_trunk(simulator, q, v, control, weights)
-    found_branches = [b for r in rounds for b in _load(job, r.index)[1]]
-    return Growth(grown(root(motion), found_branches), tuple((r, done[r.index]) for r in rounds))
+    grown_branches = [b for r in rounds for b in _load(job, r.index)[1]]
+    tree = grown(start, grown_branches, _shared_gains(job, start, grown_branches))
+    return Growth(tree, tuple((r, done[r.index]) for r in rounds))
 
 
 def root(motion: Trunk) -> Tree:
@@ -188,7 +193,8 @@ class _Worker:
         """A trial of a round, against the tree of all rounds before it."""
         if self._met < round_.index:
             news = range(self._met, round_.index)
-            self._grower.meet([b for i in news for b in _load(self._job, i)[1]])
+            branches = [b for i in news for b in _load(self._job, i)[1]]
+            self._grower.meet(branches, _shared_gains(self._job, self._grower.tree, branches))
             self._met = round_.index
         return self._grower.attempt(round_, number)
 
@@ -271,6 +277,24 @@ def _pool(job: Job, workers: int) -> ProcessPoolExecutor:
 
 def _numbers(round_: Round) -> list[int]:
     return list(range(round_.first, round_.first + round_.count))
+
+
+def _gains_path(job: Job) -> Path:
+    """All gains of the tree so far in one file, which processes map instead of each having them in
+    its memory. It is written anew at each start."""
+    return job.folder / "gains.bin"
+
+
+def _add_gains(job: Job, branches: Sequence[Branch]) -> None:
+    with _gains_path(job).open("ab") as file:
+        for branch in branches:
+            file.write(branch.gains.tobytes())
+
+
+def _shared_gains(job: Job, tree: Tree, branches: Sequence[Branch]) -> NDArray[np.float16]:
+    count = len(tree.gains) + sum(len(b.gains) for b in branches)
+    shape = (count, *tree.gains.shape[1:])
+    return np.asarray(np.memmap(_gains_path(job), GAIN_TYPE, "r", shape=shape))
 
 
 def _path(folder: Path, index: int) -> Path:
