@@ -310,6 +310,7 @@ class Grow:
         interval: seconds between subtrees
         forces: greatest force of each turn of random pushes of 0.1 s, newtons, with commas
         trials: pushes of each force at each subtree
+        parts: of the body that are pushed, with commas
         workers: processes; they do not change the tree
         seed: of the pushes
         connector: fast uses derivatives of the simulator; paper is CMA as published, and slow
@@ -320,6 +321,7 @@ class Grow:
     interval: Annotated[float, arg(metavar="SECONDS")] = 0.1
     forces: Annotated[str, arg(metavar="N,N,N")] = "150,300,500"
     trials: Annotated[int, arg(metavar="COUNT")] = 8
+    parts: Annotated[str | None, left_out("NAME,NAME", "all 22")] = None
     workers: Annotated[int | None, left_out("COUNT", "as many as the machine has")] = None
     seed: int = 0
     connector: Literal["fast", "paper"] = "fast"
@@ -332,7 +334,7 @@ class Grow:
 
         settings = Settings(
             self.interval, _numbers("--forces", self.forces), self.trials, self.seed,
-            self.connector,
+            self.connector, parts=tuple(self.parts.split(",")) if self.parts else (),
         )  # fmt: skip
         with console.growth(str(self.run_folder)) as report:
             tree = robustness.grow_tree(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import logging
 import math
 import os
 import shutil
@@ -20,11 +22,13 @@ from physique.feedback.grow import Settings
 from physique.feedback.lqr import WeightsName
 from physique.feedback.policy import ControllerName, Policy, load_policy
 from physique.feedback.pushes import Trial, random_pushes, run_trials
-from physique.feedback.tree import save_policy
+from physique.feedback.tree import read_policy, save_policy
 from physique.run import Run
 from physique.simulation.quiet import quiet
 from physique.simulation.simulator import Simulator
-from physique.store import PathLike, write_json
+from physique.store import PathLike, read_json, write_json
+
+log = logging.getLogger(__name__)
 
 #: Pushes come at the latest this long before the motion's end, so that a fall is seen.
 MARGIN = 1.5  # s
@@ -62,8 +66,9 @@ def grow_tree(
 
     settings: h, F and Lambda; the defaults of `Settings` if left out.
     workers: processes, as many as processors (up to 8) if left out; they do not change the tree.
-    resume: go on with a growth that was stopped. Raises InputError for what is no finished run and
-    for a growth in the folder that is not to be, or cannot be, resumed.
+    resume: go on with a growth that was stopped; a tree that is finished stays as it is. Raises
+    InputError for what is no finished run and for a growth in the folder that is not to be, or
+    cannot be, resumed.
     """
     if workers is None:
         workers = min(os.cpu_count() or 1, _MOST_WORKERS)
@@ -72,6 +77,9 @@ def grow_tree(
     settings = settings or Settings()
     run = _load(folder)
     motion, rounds = run.trajectory, Path(folder) / runs.TREE_ROUNDS
+    if resume and not rounds.is_dir() and _has_tree(run, Path(folder), settings, weights):
+        log.warning("%s: the tree is finished", Path(folder) / runs.TREE)
+        return dict(read_json(Path(folder) / runs.TREE))
     grown = growth.grow(
         run.character(), motion.q, motion.v, motion.control, weights, settings, rounds,
         workers=workers, resume=resume, progress=progress,
@@ -86,6 +94,26 @@ def grow_tree(
     return report
 
 
+def _has_tree(run: Run, folder: Path, settings: Settings, weights: WeightsName) -> bool:
+    """Whether the run's policy has a finished tree. Raises InputError for one of other options."""
+    path = folder / runs.POLICY
+    if not (path.is_file() and (folder / runs.TREE).is_file()):
+        return False
+    xml, tree, head = read_policy(path)
+    motion = tree.q[: tree.frames]
+    if "tree" not in head or xml != run.character_xml:
+        return False
+    if not np.array_equal(motion, run.trajectory.q):
+        return False
+    wanted = json.loads(json.dumps({"tree": asdict(settings), "weights": weights}))
+    if {name: head.get(name) for name in wanted} != wanted:
+        raise InputError(
+            str(folder / runs.TREE), "a finished tree of other options", "none, or the same",
+            "leave out --resume to grow another in its place",
+        )  # fmt: skip
+    return True
+
+
 def tree_report(grown: growth.Growth, settings: Settings) -> dict[str, Any]:
     """Perturbed states and nodes of each subtree, from the motion's end on, and the price."""
     subtrees: dict[int, dict[str, Any]] = {}
@@ -98,8 +126,8 @@ def tree_report(grown: growth.Growth, settings: Settings) -> dict[str, Any]:
         entry["trials"] += round_.count
         entry["covered"] += done.covered
         entry["failed"] += done.failed
-        entry["perturbed_states"] += len(done.branches)
-        entry["nodes"] += sum(len(b.q) for b in done.branches)
+        entry["perturbed_states"] += len(done.nodes)
+        entry["nodes"] += sum(done.nodes)
     total = [done for _, done in grown.rounds]
     return {
         "settings": asdict(settings),
@@ -119,9 +147,9 @@ def tree_report(grown: growth.Growth, settings: Settings) -> dict[str, Any]:
 class PushReport:
     """Trials of one impulse; the fields are the keys of `physique push --json`.
 
-    survival: 0 to 1. median_recovery_s: of those that survived; None without one. delta_v: m/s,
-    impulse by mass. decision_ms: of one online decision, None without one. realtime_factor: s of
-    motion a second of wall time.
+    survival: 0 to 1. median_recovery_s: of those that survived; None where half of them or more
+    have not recovered by the motion's end. delta_v: m/s, impulse by mass. decision_ms: of one
+    online decision, None without one. realtime_factor: s of motion a second of wall time.
     """
 
     trials: int
@@ -188,13 +216,14 @@ def push(
 def report(trials: list[Trial], impulse: float, mass: float, factor: float) -> PushReport:
     """The trials in a few numbers."""
     survived = sum(t.survived for t in trials)
-    recovery = [t.recovery for t in trials if t.recovery is not None]
+    recovery = [math.inf if t.recovery is None else t.recovery for t in trials if t.survived]
+    middle = float(np.median(recovery)) if recovery else math.inf
     decisions = [1e3 * s for t in trials for s in t.decisions]
     return PushReport(
         trials=len(trials),
         survived=survived,
         survival=survived / len(trials),
-        median_recovery_s=float(np.median(recovery)) if recovery else None,
+        median_recovery_s=middle if math.isfinite(middle) else None,
         impulse_ns=impulse,
         delta_v=impulse / mass,
         decision_ms={"median": float(np.median(decisions)), "worst": max(decisions)}

@@ -9,8 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from physique import skeleton
 from physique.cli import main
 from physique.experiments import fig6, table1, table2
+from physique.experiments.recovery import longest_step
 from physique.feedback.policy import load_policy
 from physique.robustness import PushReport
 
@@ -37,7 +39,9 @@ def copy(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return target
 
 
-def test_the_commands_work_together(copy: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_the_commands_work_together(
+    copy: Path, capfd: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
+) -> None:
     push = ["push", copy, "--impulse", 10, "--trials", 3, "--from", 0, "--to", 0.1, "--json"]
     assert call(*push) == 2
     assert "physique stabilize" in capfd.readouterr().err
@@ -52,9 +56,8 @@ def test_the_commands_work_together(copy: Path, capfd: pytest.CaptureFixture[str
     assert made["trials"] == 3
     assert made["decision_ms"] is None
     assert made["delta_v"] == pytest.approx(10 / 75, rel=1e-3)
-    assert (
-        call("grow", copy, "--interval", 0.3, "--forces", "900", "--trials", 2, "--workers", 1) == 0
-    )
+    grow = ["grow", copy, "--interval", 0.3, "--forces", "900", "--trials", 2, "--workers", 1]
+    assert call(*grow) == 0
     printed = capfd.readouterr()
     assert "simulated steps" in printed.out
     assert "covered" in printed.err
@@ -62,6 +65,13 @@ def test_the_commands_work_together(copy: Path, capfd: pytest.CaptureFixture[str
     assert tree["trials"] == sum(s["trials"] for s in tree["subtrees"])
     assert tree["perturbed_states"] == load_policy(copy / "policy.npz").tree.branches > 0
     assert not (copy / "tree").exists()
+    made_at = (copy / "policy.npz").stat().st_mtime_ns
+    assert call(*grow, "--resume") == 0
+    assert capfd.readouterr().out == printed.out
+    assert "the tree is finished" in caplog.text
+    assert call(*grow, "--seed", 1, "--resume") == 2
+    assert "other options" in capfd.readouterr().err
+    assert (copy / "policy.npz").stat().st_mtime_ns == made_at
     assert call(*push, "--controller", "tree") == 0
     made = json.loads(capfd.readouterr().out)
     assert set(made["decision_ms"]) == {"median", "worst"}
@@ -75,6 +85,7 @@ def test_the_commands_work_together(copy: Path, capfd: pytest.CaptureFixture[str
         (["push", "RUN", "--impulse", "x"], "impulse"),
         (["grow", "RUN", "--forces", "1,a"], "--forces"),
         (["grow", "RUN", "--forces", "-5"], "forces"),
+        (["grow", "RUN", "--parts", "tail"], "names of parts"),
         (["grow", "RUN", "--interval", "0"], "interval"),
         (["grow", "RUN", "--workers", "0"], "workers"),
         (["grow", "RUN", "--trials", "0"], "trials"),
@@ -105,3 +116,23 @@ def test_the_kicking_foot_is_the_highest_one() -> None:
     joints[10, 7, 2] = 0.5
     assert fig6.kicking_foot(joints, 0.01, None) == (8, 30)
     assert fig6.kicking_foot(joints, 0.01, 0.1) == (7, 10)
+
+
+def test_a_recovery_step_is_a_foot_that_is_set_down_elsewhere() -> None:
+    wanted = np.zeros((120, 22, 3))
+    toes = skeleton.INDEX["left_foot"]
+    moved = np.clip((np.arange(120) - 40) / 20.0, 0.0, 1.0)[:, None] * np.array([0.2, -0.1, 0.0])
+    slid = wanted.copy()
+    slid[:, toes] += moved
+    assert longest_step(slid, wanted, 0.01) is None
+    stepped = slid.copy()
+    stepped[40:61, toes, 2] = 0.1 * np.sin(np.linspace(0.0, np.pi, 21))
+    step = longest_step(stepped, wanted, 0.01)
+    assert step is not None
+    assert step.foot == "left"
+    assert 58 <= step.frame <= 62
+    assert step.length == pytest.approx(np.hypot(0.2, 0.1), abs=0.01)
+    assert longest_step(stepped, stepped, 0.01) is None  # the motion's own step is none
+    falling = stepped.copy()
+    falling[60:, toes, 2] += 0.3  # in the air to the end
+    assert longest_step(falling, wanted, 0.01) is None

@@ -17,6 +17,7 @@ from physique.feedback.policy import Policy, load_policy
 from physique.feedback.tree import Branch, Tree, grown, read_policy, save_policy
 from physique.run import Run
 from physique.simulation.closed_loop import Servo, motor_model
+from physique.simulation.disturb import Push, simulate_pushed
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -118,6 +119,24 @@ assert follow({str(folder / "policy.npz")!r}, "torques", 50.0) < 0.1
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(("steps", "first"), [(10, 11), (40, 21)])
+def test_a_decision_waits_for_the_pushs_end_but_not_for_ever(
+    run: Run, tree: Tree, steps: int, first: int
+) -> None:
+    policy = Policy(run.character_xml, tree, "tree", threads=1)
+    policy.reset(2)
+    decided: list[int] = []
+
+    def control(t: int, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        before, targets = policy.decisions, policy.act(q, v)
+        decided.extend([t] * (policy.decisions - before))
+        return targets
+
+    push = Push(9, (200.0, 0.0, 0.0), 0, steps)
+    simulate_pushed(run.character(), tree.q[2], tree.v[2], first + 1, control, push)
+    assert decided == [first]
 
 
 def test_the_file_gives_the_tree_again(tree: Tree, tmp_path: Path, folder: Path) -> None:

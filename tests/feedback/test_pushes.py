@@ -24,6 +24,8 @@ def test_pushes_have_the_impulse_and_all_directions() -> None:
     assert {p.part for p in pushes} == set(range(22))
     again = random_pushes(np.random.default_rng(0), 2000, 50.0, 10, (3, 9), 0.01)
     assert pushes == again
+    few = random_pushes(np.random.default_rng(0), 50, 50.0, 10, (3, 9), 0.01, parts=(4, 7))
+    assert {p.part for p in few} == {4, 7}
 
 
 def test_a_push_adds_its_impulse(run: Run) -> None:
@@ -48,16 +50,20 @@ def test_body_error_is_the_mean_distance() -> None:
     assert body_error(a, b) == pytest.approx(np.linalg.norm(a - b, axis=1).mean())
 
 
-def test_recovery_is_when_the_pose_is_back_for_good() -> None:
+def test_recovery_is_when_the_motion_is_performed_again_for_good() -> None:
     rng = np.random.default_rng(1)
-    wanted = rng.normal(size=(30, 22, 3))
+    wanted = rng.normal(size=(80, 22, 3))
     off = wanted.copy()
-    off[5:12, 1:] += 1.0
+    off[5:12] += np.array([0.06, 0.0, 0.0])
     assert recovery_time(off, wanted, 0.01) == pytest.approx(0.12)
-    beside = wanted + np.array([0.3, -0.2, 0.0])  # it may stand elsewhere
+    beside = wanted + np.array([0.3, -0.2, 0.0])  # it may stand elsewhere,
     assert recovery_time(beside, wanted, 0.01) == 0.0
-    off[-1, 1:] += 1.0
-    assert recovery_time(off, wanted, 0.01) is None
+    beside[:20] = wanted[:20]  # and has recovered once it is there,
+    assert recovery_time(beside, wanted, 0.01) == pytest.approx(0.2)
+    lower = wanted - np.array([0.0, 0.0, 0.1])  # but not lower,
+    assert recovery_time(lower, wanted, 0.01) is None
+    drifting = wanted + np.linspace(0.0, 0.4, 80)[:, None, None]  # nor going on.
+    assert recovery_time(drifting, wanted, 0.01) is None
 
 
 def test_the_same_seed_gives_the_same_trials(folder: Path) -> None:

@@ -37,7 +37,7 @@ def test_the_choice_knows_where_its_way_leads(run: Run, tree: Tree) -> None:
     assert choice.loss < 1e-3
     steps = min(len(choice.q), tree.frames - 10)
     np.testing.assert_allclose(choice.q[:steps], tree.q[10 : 10 + steps], atol=0.01)
-    assert 0 < chooser.steps <= 20 * 12 + 8 * 20 + 4 * 40 + 2 * 60
+    assert 0 < chooser.steps <= 20 * 20 + 5 * 40 + 2 * 60
 
 
 def test_threads_do_not_change_the_choice(run: Run, tree: Tree, pushed: tuple) -> None:

@@ -20,13 +20,12 @@ from physique import skeleton
 from physique.bodies import write_png
 from physique.export.picture import animation, strip
 from physique.feedback.policy import ControllerName, load_policy
-from physique.feedback.pushes import Trial, run_trials
+from physique.feedback.pushes import Trial, run_trial
 from physique.run import POLICY, load_run
 from physique.simulation import kinematics
 from physique.simulation.disturb import Push
 from physique.simulation.quiet import quiet
 
-FORCE = 500.0  # N
 DURATION = 0.1  # s
 PANELS = 8
 
@@ -39,11 +38,13 @@ class Fig6:
         run: the folder of a run whose policy has a tree
         side: from which the foot is pushed
         at: s, when; when a foot is highest if left out
+        force: N; the paper's is 500
     """
 
     run: Annotated[Positional[Path], arg(metavar="RUN")]
     side: Literal["left", "right"] = "left"
     at: float | None = None
+    force: float = 500.0
 
 
 def kicking_foot(joints: np.ndarray, timestep: float, at: float | None) -> tuple[int, int]:
@@ -63,13 +64,13 @@ def main(arguments: list[str] | None = None) -> None:
     joints = kinematics.joint_positions(character, run.trajectory.q)
     part, frame = kicking_foot(joints, step, options.at)
     sign = -1.0 if options.side == "left" else 1.0
-    push = Push(part, (0.0, sign * FORCE, 0.0), frame, round(DURATION / step))
+    push = Push(part, (0.0, sign * options.force, 0.0), frame, round(DURATION / step))
     names: tuple[ControllerName, ...] = ("lqr", "tree")
     found: dict[str, Trial] = {}
     for name in names:
         policy = load_policy(options.run / POLICY, name)
         with quiet():
-            found[name] = run_trials(character, policy, [push])[0][0]
+            found[name] = run_trial(character, policy, push, joints, to_end=True)
     wanted = run.trajectory.q[frame:]
     rows = []
     for label, trial in found.items():
@@ -81,7 +82,7 @@ def main(arguments: list[str] | None = None) -> None:
         animation(
             character.model, q, 1 / step, options.run / f"fig6_{label}.webp", wanted[: len(q)]
         )
-        outcome = "recovers" if trial.survived else f"falls after {(len(q) - 1) * step:.2f} s"
+        outcome = "recovers" if trial.lost is None else f"is lost after {trial.lost:.2f} s"
         sys.stdout.write(f"{label}: {outcome}, greatest error {trial.error:.2f} m\n")
     write_png(options.run / "fig6.png", np.concatenate(rows))
     sys.stdout.write(f"{push.name} at {frame * step:.2f} s: {options.run / 'fig6.png'}\n")

@@ -17,6 +17,8 @@ from physique.tracking.costs import joint_weights
 Array = NDArray[np.float64]
 
 _JOINTS = joint_weights()
+#: L of a fall after one step; it is the less, the longer the body stands.
+_FALL = 1e6
 
 
 @dataclass(frozen=True)
@@ -31,7 +33,7 @@ class Options:
     kappa: int = 20
     alpha: int = 25
     reach: float = 0.4
-    stages: tuple[tuple[int, int], ...] = ((12, 8), (20, 4), (40, 2), (60, 1))
+    stages: tuple[tuple[int, int], ...] = ((20, 5), (40, 2), (60, 1))
     lowest: float = 0.6
 
 
@@ -103,10 +105,13 @@ class Chooser:
             list(self._pool.map(work, running))
 
     def loss(self, probe: Probe, clock: int) -> float:
-        """L of Eq. 21 of a roll-out that began at frame `clock`; infinite for a fall."""
-        if probe.fallen:
-            return float("inf")
+        """L of Eq. 21 of a roll-out that began at frame `clock`.
+
+        A fall is worse than any way that stands, and the worse the sooner it comes.
+        """
         steps = probe.steps
+        if probe.fallen:
+            return _FALL / steps
         frames = np.minimum(clock + np.arange(steps), self.tree.frames - 1)
         far = distance(
             self.tree, frames, np.array(probe.q[:-1]), np.array(probe.com),

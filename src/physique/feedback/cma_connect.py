@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cma
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
@@ -55,6 +54,8 @@ def connect(
     steps = options.steps
     if frame + steps >= trunk.last:
         return None
+    import cma  # it brings 45 MB of plotting along, which processes of the other connector spare
+
     goal = _goal(simulator, tree, q, v, frame, options)
     way = path(tree, goal, min(options.ahead, trunk.last - frame - steps))
     about_q, about_v = tree.q[way.nodes].copy(), tree.v[way.nodes]

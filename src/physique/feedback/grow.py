@@ -16,6 +16,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from physique import skeleton
 from physique.errors import InputError
 from physique.feedback import cma_connect, connect
 from physique.feedback.choice import DEFAULT, Chooser
@@ -44,7 +45,8 @@ class Settings:
     """h, F and Lambda of Algorithm 1, and how.
 
     interval: s between subtrees. forces: N, the greatest of each turn. trials: of each force at
-    each subtree. passes: the second has half the interval, and so on.
+    each subtree. passes: the second has half the interval, and so on. parts: of
+    `skeleton.JOINTS`, that are pushed; all if empty.
     """
 
     interval: float = 0.1
@@ -53,6 +55,7 @@ class Settings:
     seed: int = 0
     connector: Connector = "fast"
     passes: int = 1
+    parts: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.interval) and 0.01 <= self.interval <= 10.0):
@@ -65,6 +68,9 @@ class Settings:
             _refuse("seed", str(self.seed), "0 to 4294967295")
         if not 1 <= self.passes <= 8:
             _refuse("passes", str(self.passes), "1 to 8")
+        for part in self.parts:
+            if part not in skeleton.INDEX:
+                _refuse("parts", repr(part), "names of parts: " + ", ".join(skeleton.JOINTS))
 
 
 @dataclass(frozen=True)
@@ -122,9 +128,9 @@ class Grower:
         )
         self.meet([])
 
-    def meet(self, branches: Sequence[Branch]) -> None:
-        """Let the tree have these branches too."""
-        self.tree = grown(self.tree, branches)
+    def meet(self, branches: Sequence[Branch], gains: NDArray[np.float16] | None = None) -> None:
+        """Let the tree have these branches too; gains: see `grown`."""
+        self.tree = grown(self.tree, branches, gains)
         self._chooser = Chooser(self._servo, self.tree, DEFAULT, threads=1)
 
     def attempt(self, round_: Round, number: int) -> Attempt:
@@ -149,7 +155,9 @@ class Grower:
         timestep = self._servo.timestep
         steps = min(round(PUSH / timestep), self._motion.last - round_.frame)
         impulse = round_.force * steps * timestep * rng.uniform(0.5, 1.0)
-        push = random_pushes(rng, 1, impulse, steps, (round_.frame, round_.frame), timestep)[0]
+        parts = [skeleton.INDEX[name] for name in self._settings.parts or skeleton.JOINTS]
+        start = round_.frame, round_.frame
+        push = random_pushes(rng, 1, impulse, steps, start, timestep, parts)[0]
         moved = simulate_pushed(
             self._simulator.character, self._motion.q[push.start], self._motion.v[push.start],
             steps, lambda t, q, v: self._law(push.start + t, q, v),

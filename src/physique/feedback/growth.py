@@ -1,17 +1,19 @@
 """Growing a tree on several processes, with every round kept on disk as soon as it is done.
 
-The files of the rounds are also how the processes hear of each other's branches. A round that is
-missing or damaged is made again against the same tree as before, to the same bits, and the rounds
-after it stay.
+The files of the rounds are also how the processes hear of each other's branches; gains, which are
+most of a tree, they read from a file that they share. A round that is missing or damaged is made
+again against the same tree as before, to the same bits, and the rounds after it stay.
 """
 
 from __future__ import annotations
 
+import ctypes
 import hashlib
 import json
 import logging
 import multiprocessing
 import os
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -29,7 +31,7 @@ from physique.errors import InputError
 from physique.feedback.connect import Trunk, make_trunk
 from physique.feedback.grow import Attempt, Grower, Round, Settings, plan
 from physique.feedback.lqr import WeightsName
-from physique.feedback.tree import Branch, Tree, grown, trunk
+from physique.feedback.tree import GAIN_TYPE, Branch, Tree, grown, trunk
 from physique.simulation.character import Character, load_character
 from physique.simulation.quiet import quiet
 from physique.simulation.simulator import Simulator
@@ -40,6 +42,7 @@ Array = NDArray[np.float64]
 log = logging.getLogger(__name__)
 
 _ATTEMPTS = 3  # at a round whose process was killed
+_M_MMAP_THRESHOLD, _LARGE = -3, 1 << 17  # an option of glibc; bytes
 
 
 @dataclass(frozen=True)
@@ -68,12 +71,12 @@ class Job:
 
 @dataclass(frozen=True)
 class Done:
-    """A finished round: how many trials the tree stood, how many nothing led back, the branches of
-    the others, and the price: simulated steps, wall time and processor time, s."""
+    """A finished round: how many trials the tree stood, how many nothing led back, the nodes of the
+    branches of the others, and the price: simulated steps, wall time and processor time, s."""
 
     covered: int
     failed: int
-    branches: tuple[Branch, ...]
+    nodes: tuple[int, ...]
     steps: int
     seconds: float
     cpu: float
@@ -121,32 +124,38 @@ def grow(
     job = Job(character.xml, character.body, q, v, control, weights, settings, folder)
     rounds = plan(settings, len(q), float(character.model.opt.timestep))
     done = _open(job, rounds, resume)
+    _free_at_once()
+    with quiet(), Simulator(character, 1) as simulator:
+        start = root(make_trunk(simulator, q, v, control, weights))
+    _gains_path(job).write_bytes(start.gains.tobytes())
     spent, made = 0.0, 0
     with _team(job, workers) as attempt:
         for index, round_ in enumerate(rounds):
             if round_.index in done:
+                _add_gains(job, _load(job, round_.index)[1])
                 continue
             clock = time.perf_counter()
             results = attempt(round_)
             seconds = time.perf_counter() - clock
+            branches = [r.branch for r in results if r.branch is not None]
             found = Done(
                 covered=sum(r.covered for r in results),
                 failed=sum(not r.covered and r.branch is None for r in results),
-                branches=tuple(r.branch for r in results if r.branch is not None),
+                nodes=tuple(len(b.q) for b in branches),
                 steps=sum(r.steps for r in results),
                 seconds=seconds,
                 cpu=sum(r.cpu for r in results),
             )
-            _save(job, round_, found)
+            _save(job, round_, found, branches)
+            _add_gains(job, branches)
             done[round_.index] = found
             spent, made = spent + seconds, made + 1
             if progress is not None:
                 left = spent / made * (len(rounds) - len(done))
                 progress(_progress(rounds, done, index, left))
-    with quiet(), Simulator(character, 1) as simulator:
-        motion = make_trunk(simulator, q, v, control, weights)
-    branches = [b for r in rounds for b in done[r.index].branches]
-    return Growth(grown(root(motion), branches), tuple((r, done[r.index]) for r in rounds))
+    grown_branches = [b for r in rounds for b in _load(job, r.index)[1]]
+    tree = grown(start, grown_branches, _shared_gains(job, start, grown_branches))
+    return Growth(tree, tuple((r, done[r.index]) for r in rounds))
 
 
 def root(motion: Trunk) -> Tree:
@@ -159,13 +168,13 @@ def root(motion: Trunk) -> Tree:
 def _progress(rounds: Sequence[Round], done: dict[int, Done], now: int, left: float) -> Progress:
     lately = [rounds[i] for i in range(max(0, now - 11), now + 1) if rounds[i].index in done]
     trials = sum(r.count for r in lately)
-    branches = [b for d in done.values() for b in d.branches]
+    nodes = [n for d in done.values() for n in d.nodes]
     return Progress(
         done=len(done),
         total=len(rounds),
         coverage=sum(done[r.index].covered for r in lately) / max(1, trials),
-        states=len(branches),
-        nodes=sum(len(b.q) for b in branches),
+        states=len(nodes),
+        nodes=sum(nodes),
         seconds_left=left,
     )
 
@@ -184,7 +193,8 @@ class _Worker:
         """A trial of a round, against the tree of all rounds before it."""
         if self._met < round_.index:
             news = range(self._met, round_.index)
-            self._grower.meet([b for i in news for b in _load(self._job, i).branches])
+            branches = [b for i in news for b in _load(self._job, i)[1]]
+            self._grower.meet(branches, _shared_gains(self._job, self._grower.tree, branches))
             self._met = round_.index
         return self._grower.attempt(round_, number)
 
@@ -199,10 +209,19 @@ _worker: _Worker | None = None
 def _begin(job: Job) -> None:
     global _worker
     threading.Thread(target=_end_with_parent, daemon=True).start()
+    _free_at_once()
     # MuJoCo's messages go for good: this process does nothing else.
     silence = quiet()
     silence.__enter__()
     _worker = _Worker(job)
+
+
+def _free_at_once() -> None:
+    """Have large arrays returned to the system as soon as they are freed, where the C library is
+    glibc, which otherwise comes to keep them: half of a process's memory."""
+    mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
+    if mallopt is not None:
+        mallopt(_M_MMAP_THRESHOLD, _LARGE)
 
 
 def _end_with_parent() -> None:
@@ -260,11 +279,29 @@ def _numbers(round_: Round) -> list[int]:
     return list(range(round_.first, round_.first + round_.count))
 
 
+def _gains_path(job: Job) -> Path:
+    """All gains of the tree so far in one file, which processes map instead of each having them in
+    its memory. It is written anew at each start."""
+    return job.folder / "gains.bin"
+
+
+def _add_gains(job: Job, branches: Sequence[Branch]) -> None:
+    with _gains_path(job).open("ab") as file:
+        for branch in branches:
+            file.write(branch.gains.tobytes())
+
+
+def _shared_gains(job: Job, tree: Tree, branches: Sequence[Branch]) -> NDArray[np.float16]:
+    count = len(tree.gains) + sum(len(b.gains) for b in branches)
+    shape = (count, *tree.gains.shape[1:])
+    return np.asarray(np.memmap(_gains_path(job), GAIN_TYPE, "r", shape=shape))
+
+
 def _path(folder: Path, index: int) -> Path:
     return folder / f"{index:05d}.npz"
 
 
-def _save(job: Job, round_: Round, done: Done) -> None:
+def _save(job: Job, round_: Round, done: Done, branches: Sequence[Branch]) -> None:
     facts = {
         "growth": job.fingerprint,
         "round": round_.index,
@@ -273,10 +310,10 @@ def _save(job: Job, round_: Round, done: Done) -> None:
         "steps": done.steps,
         "seconds": done.seconds,
         "cpu": done.cpu,
-        "branches": [{"parent": b.parent, "frame": b.frame} for b in done.branches],
+        "branches": [{"parent": b.parent, "frame": b.frame} for b in branches],
     }
     arrays = {"facts": np.array(json.dumps(facts))}
-    for number, branch in enumerate(done.branches):
+    for number, branch in enumerate(branches):
         for name in _ARRAYS:
             arrays[f"{number}_{name}"] = getattr(branch, name)
     write_npz(_path(job.folder, round_.index), arrays, compressed=False)
@@ -285,8 +322,9 @@ def _save(job: Job, round_: Round, done: Done) -> None:
 _ARRAYS = [f.name for f in fields(Branch) if f.name not in ("parent", "frame")]
 
 
-def _load(job: Job, index: int) -> Done:
-    """A stored round. Raises InputError where it is missing, damaged or of another growth."""
+def _load(job: Job, index: int) -> tuple[Done, tuple[Branch, ...]]:
+    """A stored round and its branches. Raises InputError where it is missing, damaged or of another
+    growth."""
     path = _path(job.folder, index)
     arrays = read_npz(path)
     try:
@@ -297,8 +335,8 @@ def _load(job: Job, index: int) -> Done:
         )
         ours = facts["growth"] == job.fingerprint and facts["round"] == index
         found = Done(
-            facts["covered"], facts["failed"], branches, facts["steps"], facts["seconds"],
-            facts["cpu"],
+            facts["covered"], facts["failed"], tuple(len(b.q) for b in branches), facts["steps"],
+            facts["seconds"], facts["cpu"],
         )  # fmt: skip
     except (KeyError, TypeError, ValueError) as fault:
         raise InputError(
@@ -309,7 +347,7 @@ def _load(job: Job, index: int) -> Done:
             str(path), "a round of another growth", "one with the same options and motion",
             "resume with those, or remove the folder to grow anew",
         )  # fmt: skip
-    return found
+    return found, branches
 
 
 class _ForeignError(InputError):
@@ -331,7 +369,7 @@ def _open(job: Job, rounds: Sequence[Round], resume: bool) -> dict[int, Done]:
         if not _path(folder, round_.index).is_file():
             continue
         try:
-            done[round_.index] = _load(job, round_.index)
+            done[round_.index], _ = _load(job, round_.index)
         except _ForeignError:
             raise
         except InputError as fault:

@@ -31,6 +31,9 @@ class Follower:
         self.node, self.shift = node, shift
         self._q = np.empty(57)
         self._away = np.empty(112)
+        self._gain_of = (
+            -1
+        )  # nodes of a branch share gains; unpacking them costs as much as their use
 
     def __call__(self, q: Array, v: Array) -> Array:
         """Targets (50,), rad, in the state q (57,), v (56,); goes on to the parent."""
@@ -40,8 +43,10 @@ class Follower:
             self._q[:] = tree.q[node]
             self._q[:2] += self.shift
             self._servo.difference(self._q, tree.v[node], q, v, self._away)
-            gain = tree.gains[tree.gain[node]].astype(np.float32)
-            wanted = gain @ self._away.astype(np.float32)
+            number = int(tree.gain[node])
+            if number != self._gain_of:
+                self._gain, self._gain_of = tree.gains[number].astype(np.float32), number
+            wanted = self._gain @ self._away.astype(np.float32)
             most = float(np.abs(wanted).max())
             targets = targets + (wanted if most <= BOUND else wanted * (BOUND / most))
         parent = int(tree.parent[node])

@@ -28,10 +28,16 @@ ControlName = Literal["targets", "torques"]
 
 #: A state that is this far from what was foreseen, in the weights of `_gap`, was pushed.
 _SURPRISE = 0.01
+#: A step that leads this far from what it should is being pushed. A decision waits for the push's
+#: end, but at most so many steps: while it lasts nothing that is foreseen comes true.
+_PUSHED, _WAIT = 1e-6, 20
 #: Steps that a decision stands at least; at most, while what it leads to is no good.
 _REST, _PATIENCE = 3, 5
 #: L of Eq. 21 from which on a way is no good.
 ZETA = 1.0
+#: A way that is less than perfect, L above this, is looked at again after so many steps: what was
+#: foreseen ends before the motion does.
+_GOOD, _RENEWAL = 0.1, 30
 
 
 class Policy:
@@ -76,7 +82,8 @@ class Policy:
         self._ahead = Choice(
             frame, np.zeros(2), tree.q[frame : tree.frames], tree.v[frame : tree.frames], 0.0
         )
-        self._since = 0
+        self._since = self._waited = 0
+        self._next: tuple[Array, Array] | None = None
         self.decisions = 0
 
     @property
@@ -112,16 +119,24 @@ class Policy:
     def act(self, q: Array, v: Array) -> Array:
         """The control (50,) for the step from the state q (57,), v (56,); one call a step."""
         q, v = np.asarray(q, dtype=np.float64), np.asarray(v, dtype=np.float64)
-        if self._chooser is not None and self._should_decide(q, v):
+        if self._chooser is not None and not self._pushed(q, v) and self._should_decide(q, v):
             now = self._follower.node, self._follower.shift
             self._ahead = self._chooser.choose(q, v, self._clock, now)
             self._follower = Follower(self._servo, self.tree, self._ahead.node, self._ahead.shift)
             self._since = 0
             self.decisions += 1
         targets = self._follower(q, v)
+        if self._chooser is not None:
+            self._next = self._servo.step(q, v, targets)
         self._clock += 1
         self._since += 1
         return targets if self.control == "targets" else self._servo.torques(targets, q, v)
+
+    def _pushed(self, q: Array, v: Array) -> bool:
+        """Whether a push was at work in the step that led to (q, v), and is new enough to wait."""
+        pushed = self._next is not None and _gap(*self._next, q, v) > _PUSHED
+        self._waited = self._waited + 1 if pushed else 0
+        return 0 < self._waited <= _WAIT
 
     def _should_decide(self, q: Array, v: Array) -> bool:
         ahead, now = self._ahead, self._since
@@ -129,7 +144,8 @@ class Policy:
             return False
         if now < len(ahead.q):
             surprised = _gap(ahead.q[now], ahead.v[now], q, v) > _SURPRISE
-            return surprised or (ahead.loss > ZETA and now >= _PATIENCE)
+            poor = now >= (_PATIENCE if ahead.loss > ZETA else _RENEWAL)
+            return surprised or (ahead.loss > _GOOD and poor)
         return ahead.loss > 0.0 and now % _PATIENCE == 0
 
 

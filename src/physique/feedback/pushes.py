@@ -18,22 +18,26 @@ Array = NDArray[np.float64]
 
 #: A body that is further off, on average over its joints, no longer performs the motion.
 SURVIVAL_LIMIT = 0.5  # m
-#: It has recovered once its pose stays this near, wherever it stands.
+#: It has recovered once it stays this near to the motion, beside its place as it ends, for so long.
 RECOVERY_LIMIT = 0.05  # m
+RECOVERY_STAY = 0.5  # s
 
 
 @dataclass(frozen=True)
 class Trial:
     """A push and what came of it.
 
-    survived: to the end of the motion. error: m, the greatest mean body position error. recovery:
-    s from the push's beginning until the pose is the motion's again; None where it never is.
+    survived: to the end of the motion. error: m, the greatest mean body position error. lost: s
+    from the push's beginning until that was above `SURVIVAL_LIMIT`, None where it is survived.
+    recovery: s from the push's beginning until the body performs the motion again
+    (`recovery_time`); None where it does not before the motion's end.
     decisions: s that each online decision took.
     """
 
     push: Push
     survived: bool
     error: float
+    lost: float | None
     recovery: float | None
     decisions: tuple[float, ...]
     motion: Pushed
@@ -46,12 +50,13 @@ def random_pushes(
     steps: int,
     start: tuple[int, int],
     timestep: float,
+    parts: Sequence[int] = range(22),
 ) -> list[Push]:
-    """Pushes of `impulse` Ns over `steps` steps: any part, any direction, from any step in
+    """Pushes of `impulse` Ns over `steps` steps: any of `parts`, any direction, from any step in
     start[0] to start[1] on, all equally likely."""
     out = []
     for _ in range(count):
-        part = int(rng.integers(22))
+        part = parts[int(rng.integers(len(parts)))]
         direction = rng.normal(size=3)
         force = impulse / (steps * timestep) * direction / np.linalg.norm(direction)
         out.append(
@@ -60,10 +65,12 @@ def random_pushes(
     return out
 
 
-def run_trial(character: Character, policy: Policy, push: Push, joints: Array) -> Trial:
+def run_trial(
+    character: Character, policy: Policy, push: Push, joints: Array, *, to_end: bool = False
+) -> Trial:
     """Perform the motion from the push's beginning to its end; joints (T, 22, 3), m, of it.
 
-    Given up as soon as the body is too far off.
+    Given up as soon as the body is too far off, unless `to_end`, for pictures of its fall.
     """
     tree, first = policy.tree, push.start
     policy.reset(first)
@@ -79,17 +86,19 @@ def run_trial(character: Character, policy: Policy, push: Push, joints: Array) -
     motion = simulate_pushed(
         character, tree.q[first], tree.v[first], tree.frames - 1 - first, control,
         Push(push.part, push.force, 0, push.steps),
-        lambda t, at: body_error(at, joints[first + t]) <= SURVIVAL_LIMIT,
+        lambda t, at: to_end or body_error(at, joints[first + t]) <= SURVIVAL_LIMIT,
     )  # fmt: skip
     reached = len(motion.joints)
     wanted = joints[first : first + reached]
     errors = np.linalg.norm(motion.joints - wanted, axis=2).mean(axis=1)
     whole = first + reached == tree.frames and not motion.diverged
-    survived = bool(whole and errors.max() <= SURVIVAL_LIMIT)
+    off = np.flatnonzero(errors > SURVIVAL_LIMIT)
+    survived = bool(whole and len(off) == 0)
     return Trial(
         push=push,
         survived=survived,
         error=float(errors.max()),
+        lost=None if survived else (int(off[0]) if len(off) else reached) * policy.timestep,
         recovery=recovery_time(motion.joints, wanted, policy.timestep) if survived else None,
         decisions=tuple(decisions),
         motion=motion,
@@ -102,12 +111,17 @@ def body_error(joints: Array, wanted: Array) -> float:
 
 
 def recovery_time(joints: Array, wanted: Array, timestep: float) -> float | None:
-    """s until the pose (T, 22, 3) is the wanted one for good, wherever on the floor it is."""
-    beside = (joints - wanted)[:, :1] * np.array([1.0, 1.0, 0.0])
-    off = np.linalg.norm(joints - wanted - beside, axis=2).mean(axis=1) > RECOVERY_LIMIT
-    if off[-1]:
-        return None
-    return float((np.flatnonzero(off)[-1] + 1) * timestep) if off.any() else 0.0
+    """s until joints (T, 22, 3) are for good within `RECOVERY_LIMIT`, on average, of the wanted
+    ones moved to where the body ends; 0 where they always are.
+
+    A body that has stepped aside need not come back, but one that sways, turns or drifts has not
+    recovered: None where it is within the limit for less than `RECOVERY_STAY` before the end.
+    """
+    off = joints - wanted
+    aside = off[-1].mean(axis=0) * np.array([1.0, 1.0, 0.0])
+    far = np.flatnonzero(np.linalg.norm(off - aside, axis=2).mean(axis=1) > RECOVERY_LIMIT)
+    steps = int(far[-1]) + 1 if len(far) else 0
+    return steps * timestep if (len(joints) - 1 - steps) * timestep >= RECOVERY_STAY else None
 
 
 def run_trials(

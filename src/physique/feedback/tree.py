@@ -103,12 +103,15 @@ def trunk(
     )
 
 
-def grown(tree: Tree, branches: Sequence[Branch]) -> Tree:
-    """The tree with further branches, in their order."""
+def grown(tree: Tree, branches: Sequence[Branch], gains: NDArray[np.float16] | None = None) -> Tree:
+    """The tree with further branches, in their order.
+
+    gains: those of the tree and the branches, one after the other, where they are together already.
+    """
     if not branches:
         return tree
     parts: dict[str, list[Any]] = {f.name: [getattr(tree, f.name)] for f in fields(Tree)}
-    nodes, gains, last = len(tree.q), len(tree.gains), tree.frames - 1
+    nodes, known, last = len(tree.q), len(tree.gains), tree.frames - 1
     for number, branch in enumerate(branches, tree.branches):
         m = len(branch.q)
         steps = np.arange(m, dtype=np.int32)
@@ -117,7 +120,7 @@ def grown(tree: Tree, branches: Sequence[Branch]) -> Tree:
         new = {
             **{n: getattr(branch, n) for n in ("q", "v", "control", "com", "com_velocity")},
             "gains": branch.gains,
-            "gain": gains + steps // STRIDE,
+            "gain": known + steps // STRIDE,
             "parent": np.append(nodes + 1 + steps[:-1], branch.parent),
             "frame": np.minimum(branch.frame + steps, last),
             "branch": np.full(m, number),
@@ -125,9 +128,14 @@ def grown(tree: Tree, branches: Sequence[Branch]) -> Tree:
         }
         for name, value in new.items():
             parts[name].append(value)
-        nodes, gains = nodes + m, gains + len(branch.gains)
+        nodes, known = nodes + m, known + len(branch.gains)
+    if gains is not None:
+        parts["gains"] = [gains]
     return Tree(
-        **{name: np.concatenate(part).astype(part[0].dtype) for name, part in parts.items()}
+        **{
+            name: np.concatenate(part).astype(part[0].dtype) if len(part) > 1 else part[0]
+            for name, part in parts.items()
+        }
     )
 
 

@@ -35,6 +35,7 @@ class Servo:
         self._reach = self._limit * (1.0 - 1e-6) / self._kp
         self._away = np.empty(2 * self.model.nv)
         self._data = mujoco.MjData(self.model)
+        self._ahead = mujoco.MjData(self.model)  # its solver starts where the last step ended
 
     def difference(self, q_from: Array, v_from: Array, q: Array, v: Array, out: Array) -> None:
         """Fill out (112,) with the tangent that leads from one state to the other."""
@@ -52,10 +53,18 @@ class Servo:
         mujoco.mj_sensorVel(self.model, data)
         return data.sensordata[:3].copy(), data.sensordata[3:6].copy()
 
+    def step(self, q: Array, v: Array, targets: Array) -> tuple[Array, Array]:
+        """The state (57,), (56,) that a step from (q, v) under targets (50,) leads to, unpushed."""
+        data = self._ahead
+        data.qpos[:], data.qvel[:], data.ctrl[:] = q, v, targets
+        mujoco.mj_step(self.model, data)
+        return data.qpos.copy(), data.qvel.copy()
+
     def within_limits(self, targets: Array, q: Array, v: Array) -> Array:
         """Position targets (50,) moved so that their torque at (q, v) keeps the limits."""
         center = q[7:] + self._lag * v[6:]
-        return np.asarray(center + np.clip(targets - center, -self._reach, self._reach))
+        nearest = np.minimum(np.maximum(targets, center - self._reach), center + self._reach)
+        return np.asarray(nearest)
 
     def torques(self, targets: Array, q: Array, v: Array) -> Array:
         """Motor torques (50,), Nm, that do on `motor_model` nearly what the targets do here.
