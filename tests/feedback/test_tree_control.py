@@ -14,6 +14,7 @@ from physique.feedback.choice import DEFAULT, Chooser, distance
 from physique.feedback.connect import Options as ConnectOptions
 from physique.feedback.connect import Trunk, connect, takeover
 from physique.feedback.grow import ROUND, Settings, plan
+from physique.feedback.law import Law
 from physique.feedback.tree import Tree, grown
 from physique.run import Run
 from physique.simulation.closed_loop import Servo
@@ -31,7 +32,7 @@ def pushed(trunk: Trunk) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_the_choice_knows_where_its_way_leads(run: Run, tree: Tree) -> None:
-    chooser = Chooser(Servo(run.character_xml), tree, DEFAULT, threads=1)
+    chooser = Chooser(Law(Servo(run.character_xml), tree), DEFAULT, threads=1)
     choice = chooser.choose(tree.q[10], tree.v[10], 10)
     assert choice.node == 10
     assert choice.loss < 1e-3
@@ -42,7 +43,7 @@ def test_the_choice_knows_where_its_way_leads(run: Run, tree: Tree) -> None:
 
 def test_threads_do_not_change_the_choice(run: Run, tree: Tree, pushed: tuple) -> None:
     found = [
-        Chooser(Servo(run.character_xml), tree, DEFAULT, threads).choose(*pushed, 10)
+        Chooser(Law(Servo(run.character_xml), tree), DEFAULT, threads).choose(*pushed, 10)
         for threads in (1, 3)
     ]
     assert found[0].node == found[1].node
@@ -79,8 +80,8 @@ def test_a_branch_leads_from_the_state_to_the_motion(
         assert takeover(
             simulator, trunk, pushed[0], trunk.v[10] + 4 * np.eye(56)[1], 10, ConnectOptions()
         ) is None  # fmt: skip
-    chooser = Chooser(Servo(run.character_xml), grown(tree, [branch]), DEFAULT, 1)
-    alone = Chooser(Servo(run.character_xml), tree, DEFAULT, 1)
+    chooser = Chooser(Law(Servo(run.character_xml), grown(tree, [branch])), DEFAULT, 1)
+    alone = Chooser(Law(Servo(run.character_xml), tree), DEFAULT, 1)
     assert chooser.choose(*pushed, 10).loss <= alone.choose(*pushed, 10).loss + 1e-9
 
 

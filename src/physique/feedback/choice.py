@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from physique import rotations
-from physique.feedback.law import Follower
+from physique.feedback.law import Followers, Law
 from physique.feedback.tree import Tree
-from physique.simulation.closed_loop import Probe, Servo
+from physique.simulation.closed_loop import Probes
 from physique.tracking.costs import joint_weights
 
 Array = NDArray[np.float64]
@@ -57,11 +56,11 @@ class Choice:
 class Chooser:
     """Finds the best node to follow. steps: that it has simulated."""
 
-    def __init__(self, servo: Servo, tree: Tree, options: Options, threads: int) -> None:
-        self._servo, self.tree, self._options = servo, tree, options
+    def __init__(self, law: Law, options: Options, threads: int) -> None:
+        self._law, self.tree, self._options = law, law.tree, options
+        tree = law.tree
         self.steps = 0
-        self._probes = [Probe(servo.model) for _ in range(options.kappa + 1)]
-        self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
+        self._probes = Probes(law.servo.model, threads)
         self._features = features(tree.q, tree.v, tree.com, tree.com_velocity)
         self._lowest = options.lowest * float(np.min(tree.com[: tree.frames, 2]))
 
@@ -75,54 +74,43 @@ class Chooser:
         places = self._candidates(q, v, clock)
         if now is not None:
             places = [now, *places]
-        running = [
-            (probe, place, Follower(self._servo, self.tree, *place))
-            for probe, place in zip(self._probes, places)
-        ]
-        for probe, _, _ in running:
-            probe.start(q, v)
-        losses: list[float] = []
+        nodes, shifts = zip(*places)
+        followers = Followers(self._law, nodes, shifts)
+        probes, ways = self._probes, np.arange(len(places))
+        probes.start(q, v, len(places))
         # What comes after the motion's end does not count.
         left = max(self.tree.frames - 1 - clock, self._options.stages[0][0])
         for steps, keep in self._options.stages:
-            self._run(running, min(steps, left))
+            before = int(probes.steps.sum())
+            probes.run(min(steps, left), followers, self._lowest)
+            self.steps += int(probes.steps.sum()) - before
             left -= min(steps, left)
-            losses = [self.loss(probe, clock) for probe, _, _ in running]
-            order = sorted(range(len(losses)), key=lambda i: (losses[i], i))[:keep]
-            running, losses = [running[i] for i in order], [losses[i] for i in order]
-        probe, (node, shift), _ = running[0]
-        self.steps += sum(p.steps for p in self._probes[: len(places)])
-        return Choice(node, shift, np.array(probe.q), np.array(probe.v), losses[0])
+            losses = self._losses(probes, clock)
+            order = np.argsort(losses, kind="stable")[:keep]
+            ways, losses = ways[order], losses[order]
+            probes.keep(order)
+            followers.keep(order)
+        node, shift = places[ways[0]]
+        reached = int(probes.steps[0]) + 1
+        return Choice(node, shift, probes.q[:reached, 0], probes.v[:reached, 0], float(losses[0]))
 
-    def _run(self, running: list[tuple[Probe, tuple[int, Array], Follower]], steps: int) -> None:
-        def work(item: tuple[Probe, tuple[int, Array], Follower]) -> None:
-            item[0].run(steps, item[2], self._lowest)
-
-        if self._pool is None:
-            for item in running:
-                work(item)
-        else:
-            list(self._pool.map(work, running))
-
-    def loss(self, probe: Probe, clock: int) -> float:
-        """L of Eq. 21 of a roll-out that began at frame `clock`.
+    def _losses(self, probes: Probes, clock: int) -> Array:
+        """L of Eq. 21 (B,) of roll-outs that began at frame `clock`.
 
         A fall is worse than any way that stands, and the worse the sooner it comes.
         """
-        steps = probe.steps
-        if probe.fallen:
-            return _FALL / steps
-        frames = np.minimum(clock + np.arange(steps), self.tree.frames - 1)
-        far = distance(
-            self.tree, frames, np.array(probe.q[:-1]), np.array(probe.com),
-            np.array(probe.com_velocity),
-        )  # fmt: skip
-        return float(far[:-1].mean() + 10.0 / (steps - 1) * far[-1])
+        falls = _FALL / probes.steps
+        if probes.fallen.all():
+            return falls
+        frames = np.minimum(clock + np.arange(len(probes.com)), self.tree.frames - 1)
+        far = distance(self.tree, frames[:, None], probes.q[:-1], probes.com, probes.com_velocity)
+        stands = far[:-1].mean(axis=0) + 10.0 / (len(far) - 1) * far[-1]
+        return np.where(probes.fallen, falls, stands)
 
     def _candidates(self, q: Array, v: Array, clock: int) -> list[tuple[int, Array]]:
         """Nodes near the state and the shifts to follow them with, at most kappa."""
         tree, o = self.tree, self._options
-        com, com_velocity = self._servo.center(q, v)
+        com, com_velocity = self._law.servo.center(q, v)
         here = features(q[None], v[None], com[None], com_velocity[None])[0]
         near = np.flatnonzero(np.abs(tree.frame - min(clock, tree.frames - 1)) <= o.alpha)
         far = np.sum((self._features[near] - here) ** 2, axis=1)
@@ -175,11 +163,12 @@ def features(q: Array, v: Array, com: Array, com_velocity: Array) -> NDArray[np.
 
 
 def distance(tree: Tree, frames: NDArray[np.intp], q: Array, com: Array, velocity: Array) -> Array:
-    """dist of Eq. 21 (n,): what Eqs. 3, 4, 5 and 7 sum, of states (n, .) from `frames` (n,)."""
-    half = np.abs(np.sum(q[:, 3:7] * tree.q[frames, 3:7], axis=1))
+    """dist of Eq. 21 (...): what Eqs. 3, 4, 5 and 7 sum, of states (..., .) from `frames`."""
+    wanted = tree.q[frames]
+    half = np.abs(np.sum(q[..., 3:7] * wanted[..., 3:7], axis=-1))
     return np.asarray(
-        15.0 * np.sum((com - tree.com[frames]) ** 2, axis=1)
-        + 0.5 * np.sum((velocity - tree.com_velocity[frames]) ** 2, axis=1)
-        + 0.5 * np.sum(_JOINTS * (q[:, 7:] - tree.q[frames, 7:]) ** 2, axis=1)
+        15.0 * np.sum((com - tree.com[frames]) ** 2, axis=-1)
+        + 0.5 * np.sum((velocity - tree.com_velocity[frames]) ** 2, axis=-1)
+        + 0.5 * np.sum(_JOINTS * (q[..., 7:] - wanted[..., 7:]) ** 2, axis=-1)
         + 4.0 * np.arccos(np.minimum(half, 1.0))
     )

@@ -21,7 +21,7 @@ from physique.errors import InputError
 from physique.feedback import cma_connect, connect
 from physique.feedback.choice import DEFAULT, Chooser
 from physique.feedback.connect import Trunk
-from physique.feedback.law import BOUND
+from physique.feedback.law import BOUND, Law
 from physique.feedback.pushes import random_pushes
 from physique.feedback.tree import Branch, grown, trunk
 from physique.simulation.closed_loop import Servo
@@ -131,7 +131,7 @@ class Grower:
     def meet(self, branches: Sequence[Branch], gains: NDArray[np.float16] | None = None) -> None:
         """Let the tree have these branches too; gains: see `grown`."""
         self.tree = grown(self.tree, branches, gains)
-        self._chooser = Chooser(self._servo, self.tree, DEFAULT, threads=1)
+        self._chooser = Chooser(Law(self._servo, self.tree), DEFAULT, threads=1)
 
     def attempt(self, round_: Round, number: int) -> Attempt:
         """Trial `number` (lines 13 to 26)."""

@@ -1,60 +1,87 @@
-"""The linear law of a node (Eq. 16), as position targets within the torque limits."""
+"""The linear law of nodes (Eq. 16), as position targets within the torque limits."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from physique.feedback.tree import Tree
 from physique.simulation.closed_loop import Servo
+from physique.simulation.state import difference
 
 Array = NDArray[np.float64]
 
 #: Feedback that would move a target further than this, rad, is scaled down as a whole: far from
 #: where it was linearised, the law would throw the body about. Chosen by survival (docs).
 BOUND = 0.3
+_UNPACKED = 1024  # gains, 22 kB each
 
 
-class Follower:
-    """A place in the tree, and the way from there to the root.
+class Law:
+    """What all followers of a tree share: the actuators, and the gains unpacked that were used
+    last; unpacking them costs ten times as much as their use."""
 
-    node: where it is; shift (2,) m: how far beside. feedback: false gives the nominal controls
-    alone, which the actuators' PD controller follows.
+    def __init__(self, servo: Servo, tree: Tree) -> None:
+        self.servo, self.tree = servo, tree
+        self.gain = lru_cache(maxsize=_UNPACKED)(self._unpack)
+
+    def _unpack(self, number: int) -> NDArray[np.float32]:
+        return self.tree.gains[number].astype(np.float32)
+
+
+class Followers:
+    """Places in the tree, and the way from each to the root.
+
+    nodes (B,): where they are; shifts (B, 2) m: how far beside. feedback: false gives the nominal
+    controls alone, which the actuators' PD controller follows.
     """
 
     def __init__(
-        self, servo: Servo, tree: Tree, node: int, shift: Array, feedback: bool = True
+        self,
+        law: Law,
+        nodes: Sequence[int],
+        shifts: Sequence[Array],
+        feedback: bool = True,
     ) -> None:
-        self._servo, self._tree, self._feedback = servo, tree, feedback
-        self.node, self.shift = node, shift
-        self._q = np.empty(57)
-        self._away = np.empty(112)
-        self._gain_of = (
-            -1
-        )  # nodes of a branch share gains; unpacking them costs as much as their use
+        self._law, self._tree, self._feedback = law, law.tree, feedback
+        self.nodes, self.shifts = np.array(nodes), np.array(shifts, dtype=np.float64)
+        self._gain_of = np.full(len(self.nodes), -1)
+        self._gains = np.empty((len(self.nodes), *law.tree.gains.shape[1:]), dtype=np.float32)
+
+    def keep(self, order: NDArray[np.intp]) -> None:
+        """Drop all but these."""
+        self.nodes, self.shifts = self.nodes[order], self.shifts[order]
+        self._gain_of, self._gains = self._gain_of[order], self._gains[order]
 
     def __call__(self, q: Array, v: Array) -> Array:
-        """Targets (50,), rad, in the state q (57,), v (56,); goes on to the parent."""
-        tree, node = self._tree, self.node
-        targets = tree.control[node]
+        """Targets (B, 50), rad, in the states q (B, 57), v (B, 56); goes on to the parents."""
+        tree, nodes = self._tree, self.nodes
+        targets = tree.control[nodes]
         if self._feedback:
-            self._q[:] = tree.q[node]
-            self._q[:2] += self.shift
-            self._servo.difference(self._q, tree.v[node], q, v, self._away)
-            number = int(tree.gain[node])
-            if number != self._gain_of:
-                self._gain, self._gain_of = tree.gains[number].astype(np.float32), number
-            wanted = self._gain @ self._away.astype(np.float32)
-            most = float(np.abs(wanted).max())
-            targets = targets + (wanted if most <= BOUND else wanted * (BOUND / most))
-        parent = int(tree.parent[node])
-        if parent >= 0:
-            if tree.branch[parent] != tree.branch[node]:
-                self.shift = self.shift + tree.shift[node]
-            self.node = parent
-        return self._servo.within_limits(targets, q, v)
+            targets = targets + self._wanted(q, v)
+        parents = tree.parent[nodes]
+        onward = parents >= 0
+        leaves = onward & (tree.branch[parents] != tree.branch[nodes])
+        self.shifts = self.shifts + np.where(leaves[:, None], tree.shift[nodes], 0.0)
+        self.nodes = np.where(onward, parents, nodes)
+        return self._law.servo.within_limits(targets, q, v)
+
+    def _wanted(self, q: Array, v: Array) -> Array:
+        tree, nodes = self._tree, self.nodes
+        place = tree.q[nodes]
+        place[:, :2] += self.shifts
+        away = np.concatenate([difference(place, q), v - tree.v[nodes]], axis=1)
+        numbers = tree.gain[nodes]
+        for new in np.flatnonzero(numbers != self._gain_of):  # neighbours share them
+            self._gains[new] = self._law.gain(int(numbers[new]))
+        self._gain_of = numbers
+        wanted = (self._gains @ away.astype(np.float32)[:, :, None])[:, :, 0]
+        most = np.abs(wanted).max(axis=1, keepdims=True)
+        return np.asarray(wanted * np.minimum(1.0, BOUND / np.maximum(most, BOUND)))
 
 
 @dataclass(frozen=True)

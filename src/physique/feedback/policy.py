@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from physique.errors import InputError
 from physique.feedback.choice import DEFAULT, Choice, Chooser, Options
-from physique.feedback.law import Follower
+from physique.feedback.law import Followers, Law
 from physique.feedback.tree import Tree, read_policy
 from physique.simulation.closed_loop import Servo
 from physique.store import PathLike
@@ -62,9 +62,8 @@ class Policy:
     ) -> None:
         self.model_xml, self.tree, self.controller, self.control = xml, tree, controller, control
         self._servo = Servo(xml)
-        self._chooser = (
-            Chooser(self._servo, tree, options, threads) if controller == "tree" else None
-        )
+        self._law = Law(self._servo, tree)
+        self._chooser = Chooser(self._law, options, threads) if controller == "tree" else None
         self.timestep = self._servo.timestep
         self.reset()
 
@@ -75,9 +74,7 @@ class Policy:
                 "frame of the policy", str(frame), f"0 to {self.tree.frames - 1}", "correct it"
             )
         self._clock = frame
-        self._follower = Follower(
-            self._servo, self.tree, frame, np.zeros(2), self.controller != "pd"
-        )
+        self._follower = Followers(self._law, [frame], [np.zeros(2)], self.controller != "pd")
         tree = self.tree
         self._ahead = Choice(
             frame, np.zeros(2), tree.q[frame : tree.frames], tree.v[frame : tree.frames], 0.0
@@ -104,7 +101,7 @@ class Policy:
     @property
     def branch(self) -> int:
         """Number of the branch that is followed, -1 for the motion itself."""
-        return int(self.tree.branch[self._follower.node])
+        return int(self.tree.branch[self._follower.nodes[0]])
 
     @property
     def initial_state(self) -> tuple[Array, Array]:
@@ -120,12 +117,12 @@ class Policy:
         """The control (50,) for the step from the state q (57,), v (56,); one call a step."""
         q, v = np.asarray(q, dtype=np.float64), np.asarray(v, dtype=np.float64)
         if self._chooser is not None and not self._pushed(q, v) and self._should_decide(q, v):
-            now = self._follower.node, self._follower.shift
+            now = int(self._follower.nodes[0]), self._follower.shifts[0]
             self._ahead = self._chooser.choose(q, v, self._clock, now)
-            self._follower = Follower(self._servo, self.tree, self._ahead.node, self._ahead.shift)
+            self._follower = Followers(self._law, [self._ahead.node], [self._ahead.shift])
             self._since = 0
             self.decisions += 1
-        targets = self._follower(q, v)
+        targets = self._follower(q[None], v[None])[0]
         if self._chooser is not None:
             self._next = self._servo.step(q, v, targets)
         self._clock += 1

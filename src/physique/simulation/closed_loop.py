@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import mujoco
+import mujoco.rollout
 import numpy as np
 from numpy.typing import NDArray
 
@@ -33,15 +34,8 @@ class Servo:
         self._limit = self.model.actuator_forcerange[:, 1].copy()
         self._lag = self._kd / self._kp
         self._reach = self._limit * (1.0 - 1e-6) / self._kp
-        self._away = np.empty(2 * self.model.nv)
         self._data = mujoco.MjData(self.model)
         self._ahead = mujoco.MjData(self.model)  # its solver starts where the last step ended
-
-    def difference(self, q_from: Array, v_from: Array, q: Array, v: Array, out: Array) -> None:
-        """Fill out (112,) with the tangent that leads from one state to the other."""
-        nv = len(v)
-        mujoco.mj_differentiatePos(self.model, out[:nv], 1.0, q_from, q)
-        np.subtract(v, v_from, out=out[nv:])
 
     def center(self, q: Array, v: Array) -> tuple[Array, Array]:
         """Centre of mass (3,), m, and its velocity (3,), m/s, at q (57,), v (56,)."""
@@ -61,8 +55,8 @@ class Servo:
         return data.qpos.copy(), data.qvel.copy()
 
     def within_limits(self, targets: Array, q: Array, v: Array) -> Array:
-        """Position targets (50,) moved so that their torque at (q, v) keeps the limits."""
-        center = q[7:] + self._lag * v[6:]
+        """Position targets (..., 50) moved so that their torque at (q, v) keeps the limits."""
+        center = q[..., 7:] + self._lag * v[..., 6:]
         nearest = np.minimum(np.maximum(targets, center - self._reach), center + self._reach)
         return np.asarray(nearest)
 
@@ -102,42 +96,64 @@ def motor_model(xml: str) -> mujoco.MjModel:
     return model
 
 
-class Probe:
-    """One simulation that is rolled out a stretch at a time, to see where a controller leads.
+class Probes:
+    """Simulations from one state, rolled out side by side to see where controllers lead.
 
-    q, v, com, com_velocity: its states so far, (t + 1, .); `fallen` once it blew up or
-    was given up.
+    q (t + 1, B, 57), v (t + 1, B, 56): their states so far; com, com_velocity (t, B, 3): of all
+    but the last. steps (B,): that each took before it fell; fallen (B,).
     """
 
-    def __init__(self, model: mujoco.MjModel) -> None:
-        self._model, self._data = model, mujoco.MjData(model)
+    def __init__(self, model: mujoco.MjModel, threads: int) -> None:
+        self._model, self._timestep = model, float(model.opt.timestep)
+        self._pool = mujoco.rollout.Rollout(nthread=threads if threads > 1 else 0)
+        self._datas = [mujoco.MjData(model) for _ in range(max(1, threads))]
 
-    def start(self, q: Array, v: Array) -> None:
-        """Begin anew at (q (57,), v (56,))."""
-        mujoco.mj_resetData(self._model, self._data)
-        self._data.qpos[:], self._data.qvel[:] = q, v
-        self.steps, self.fallen = 0, False
-        self.q, self.v = [q.copy()], [v.copy()]
-        self.com: list[Array] = []
-        self.com_velocity: list[Array] = []
+    def start(self, q: Array, v: Array, count: int) -> None:
+        """`count` simulations at (q (57,), v (56,))."""
+        self.q, self.v = np.tile(q, (1, count, 1)), np.tile(v, (1, count, 1))
+        self.com, self.com_velocity = np.empty((0, count, 3)), np.empty((0, count, 3))
+        self.steps, self.fallen = np.zeros(count, dtype=int), np.zeros(count, dtype=bool)
+
+    def keep(self, order: NDArray[np.intp]) -> None:
+        """Drop all but these."""
+        self.q, self.v = self.q[:, order], self.v[:, order]
+        self.com, self.com_velocity = self.com[:, order], self.com_velocity[:, order]
+        self.steps, self.fallen = self.steps[order], self.fallen[order]
 
     def run(self, steps: int, control: Callable[[Array, Array], Array], lowest: float) -> None:
-        """Go on for `steps` steps under control(q, v), targets (50,).
+        """Go on for `steps` steps under control(q, v), targets (B, 50).
 
-        Gives up where the centre of mass falls below `lowest`, m. Centres of mass are known of
-        every state but the last.
+        A simulation has fallen where it blows up or its centre of mass is below `lowest`, m; what
+        comes after that means nothing.
         """
-        data = self._data
-        qpos, qvel, ctrl, sensors = data.qpos, data.qvel, data.ctrl, data.sensordata
+        nq, nv, count = self._model.nq, self._model.nv, len(self.fallen)
+        state = np.concatenate([np.zeros((count, 1)), self.q[-1], self.v[-1]], axis=1)
+        states, sensors = [], []
         for _ in range(steps):
-            if self.fallen:
-                return
-            time = data.time
-            ctrl[:] = control(qpos, qvel)
-            mujoco.mj_step(self._model, data)
-            self.steps += 1
-            self.q.append(qpos.copy())
-            self.v.append(qvel.copy())
-            self.com.append(sensors[:3].copy())
-            self.com_velocity.append(sensors[3:6].copy())
-            self.fallen = data.time <= time or sensors[2] < lowest
+            standing = np.flatnonzero(~self.fallen)
+            if len(standing) == 0:
+                break
+            targets = control(state[:, 1 : 1 + nq], state[:, 1 + nq :])
+            state, sensor = state.copy(), np.zeros((count, self._model.nsensordata))
+            state[standing, 0] = 0.0
+            n = len(standing)
+            after, sensed = np.empty((n, 1, state.shape[1])), np.empty((n, 1, sensor.shape[1]))
+            # Checks would take as long as a simulated step.
+            self._pool.rollout(
+                [self._model] * n, self._datas, state[standing], targets[standing, None],
+                nstep=1, skip_checks=True, state=after, sensordata=sensed, chunk_size=1,
+            )  # fmt: skip
+            state[standing], sensor[standing] = after[:, 0], sensed[:, 0]
+            self.steps[standing] += 1
+            # One that blows up resets itself, its clock too.
+            blown = np.abs(state[standing, 0] - self._timestep) > 0.5 * self._timestep
+            self.fallen[standing] = blown | (sensor[standing, 2] < lowest)
+            states.append(state)
+            sensors.append(sensor)
+        if not states:
+            return
+        path, sensed = np.array(states), np.array(sensors)
+        self.q = np.concatenate([self.q, path[..., 1 : 1 + nq]])
+        self.v = np.concatenate([self.v, path[..., 1 + nq : 1 + nq + nv]])
+        self.com = np.concatenate([self.com, sensed[..., :3]])
+        self.com_velocity = np.concatenate([self.com_velocity, sensed[..., 3:6]])
