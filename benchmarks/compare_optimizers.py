@@ -42,7 +42,7 @@ from physique.simulation.rollout import Rollout
 from physique.simulation.simulator import Simulator
 from physique.store import write_atomic
 from physique.tracking import cma, costs, ddp
-from physique.tracking.problem import Problem, Solution, nominal_motion
+from physique.tracking.problem import Problem, Solution, warm_start
 from physique.tracking.reference import make_reference
 from samplers import CemOptions, MppiOptions, annealed_mppi, incremental_cem
 
@@ -166,8 +166,7 @@ class Watched(Problem):
 
 def start_nominal(problem: Problem) -> Rollout:
     """The reference as if it had been simulated."""
-    target = problem.target
-    return nominal_motion(problem, target.q, target.v, target.q[1:, 7:])
+    return warm_start(problem, None)
 
 
 class Point(NamedTuple):

@@ -89,6 +89,8 @@ def main() -> None:
     parser.add_argument("--only", choices=PARTS)
     parser.add_argument("--write", type=Path, help="a page (.md); its pictures go to images/")
     options = parser.parse_args()
+    if options.write:
+        (options.write.parent / "images").mkdir(parents=True, exist_ok=True)
     for part in PARTS:
         if options.only in (None, part):
             text, picture = {"torque": torque, "horizon": horizon, "objects": objects}[part]()

@@ -22,7 +22,7 @@ from physique.simulation.rollout import Feedback
 from physique.simulation.simulator import Simulator
 from physique.tracking import ddp
 from physique.tracking.costs import Target
-from physique.tracking.problem import Problem, nominal_motion
+from physique.tracking.problem import Problem, warm_start
 
 Array = NDArray[np.float64]
 
@@ -94,13 +94,8 @@ def connect(
             simulator.character, q, v, motion, float(simulator.character.model.opt.timestep)
         )
         problem = Problem(simulator.character, q, v, target)
-        guess_q, guess_v, control = target.q.copy(), target.v.copy(), target.q[1:, 7:].copy()
-        if tail is not None:
-            known = min(len(tail[2]), end - at)
-            guess_q[1 : known + 1], guess_v[1 : known + 1] = tail[0][:known], tail[1][:known]
-            control[:known] = tail[2][:known]
         found = ddp.solve(
-            problem, simulator, nominal_motion(problem, guess_q, guess_v, control),
+            problem, simulator, warm_start(problem, tail),
             ddp.Options(iterations=options.iterations, restarts=()),
         )  # fmt: skip
         keep = end - at if end == trunk.last else options.keep

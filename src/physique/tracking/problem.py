@@ -71,6 +71,20 @@ def nominal_motion(problem: Problem, q: Array, v: Array, control: Array) -> Roll
     )
 
 
+def warm_start(problem: Problem, planned: tuple[Array, Array, Array] | None) -> Rollout:
+    """The nominal motion that goes on as planned, and beyond that is the target.
+
+    planned: states q (k, 57), v (k, 56) after the first one, and controls (k, 50).
+    """
+    target = problem.target
+    q, v, control = target.q.copy(), target.v.copy(), target.q[1:, 7:].copy()
+    q[0], v[0] = problem.q0, problem.v0
+    if planned is not None:
+        known = min(len(planned[2]), problem.steps)
+        q[1 : known + 1], v[1 : known + 1], control[:known] = (part[:known] for part in planned)
+    return nominal_motion(problem, q, v, control)
+
+
 @dataclass(frozen=True)
 class Solution:
     """What an optimiser returns: the best motion found, and how it got there.

@@ -17,7 +17,7 @@ from physique.simulation.character import Character
 from physique.simulation.rollout import Rollout
 from physique.simulation.simulator import Simulator
 from physique.tracking.costs import Weights
-from physique.tracking.problem import Problem, Solution, nominal_motion
+from physique.tracking.problem import Problem, Solution, warm_start
 from physique.tracking.reference import Reference
 
 Array = NDArray[np.float64]
@@ -110,16 +110,11 @@ def _optimize(
     shift = com[:2] - reference.com[start, :2]
     target = reference.target(start, end + 1, shift)
     problem = Problem(character, q, v, target, weights)
-    nominal_q, nominal_v = target.q.copy(), target.v.copy()
-    control = target.q[1:, 7:].copy()
-    nominal_q[0], nominal_v[0] = q, v
-    if previous is not None:
-        known = min(len(previous.tail_control), end - start)
-        nominal_q[1 : known + 1] = previous.tail_q[:known]
-        nominal_v[1 : known + 1] = previous.tail_v[:known]
-        control[:known] = previous.tail_control[:known]
+    planned = (
+        (previous.tail_q, previous.tail_v, previous.tail_control) if previous is not None else None
+    )
     before = simulator.steps
-    solution = optimizer(problem, simulator, nominal_motion(problem, nominal_q, nominal_v, control))
+    solution = optimizer(problem, simulator, warm_start(problem, planned))
     motion = solution.rollout
     keep = round(schedule.kept(solution.cost) / timestep)
     if end == last:  # nothing is left to look at: keep it whole
