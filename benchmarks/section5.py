@@ -43,7 +43,7 @@ The embedded `spinkick`, a kick out of a jump, on the heavy man (155 kg). Height
 simulated motion, with the reference's in the last row: the lower foot's sole at the top of the
 jump, and the ankle at the top of the kick. With 300 Nm at every joint he jumps as the performer
 does, which nobody would expect of him; with 100 Nm he jumps lower and lands bent over; with 50 Nm
-he slides over the floor. That is what the paper found.
+he sinks to the floor. That is what the paper found.
 """
 HORIZON = """## Time horizon
 
@@ -55,9 +55,9 @@ window; this optimiser keeps 0.3 s, or 0.15 s where the body cannot follow.
 #: Of the clip that the paper's figure resembles.
 HORIZON_FOUND = """
 With the limits of his own strength he stands with each of the three, so there is nothing for a
-longer horizon to repair: the first kick gets a little higher. 100 Nm are too weak for 155 kg: he
-goes down on a knee before the first kick, with any horizon, gets up and goes on. There the horizon
-changes what he does (the first kick is highest with 1.0 s), but not in the paper's order.
+longer horizon to repair. 100 Nm are too weak for 155 kg: with 0.8 s he goes down on a knee after the
+first kick, gets up and kicks again; with 0.9 and 1.0 s he goes down before it and is lost. There the
+horizon changes what he does, but not in the paper's order: who looks further ahead gives in sooner.
 """
 OBJECTS = """## Held objects
 
@@ -72,7 +72,7 @@ and of the lowest spine joint.
 With the limits of his own strength he holds up what he is given: E has no term for effort, so the
 arm stays square to the trunk. He leans away, since the reference does (see
 [bodies](bodies.md#held-objects)), and shoulder and trunk work more with every kilogram. In the walk
-0.5 kg is less than the scatter of two runs. With 50 Nm at every joint he cannot hold 5 kg out: the
+0.5 kg hardly shows. With 50 Nm at every joint he cannot hold 5 kg out: the
 arm sinks, and pulls the trunk to its side.
 """
 PARTS = ("torque", "horizon", "objects")
