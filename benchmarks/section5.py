@@ -55,9 +55,10 @@ window; this optimiser keeps 0.3 s, or 0.15 s where the body cannot follow.
 #: Of the clip that the paper's figure resembles.
 HORIZON_FOUND = """
 With the limits of his own strength he stands with each of the three, so there is nothing for a
-longer horizon to repair. 100 Nm are too weak for 155 kg: with 0.8 s he goes down on a knee after the
-first kick, gets up and kicks again; with 0.9 and 1.0 s he goes down before it and is lost. There the
-horizon changes what he does, but not in the paper's order: who looks further ahead gives in sooner.
+longer horizon to repair. 100 Nm are too weak for 155 kg: with 0.8 s he goes down on a knee after
+the first kick, gets up and kicks again; with 0.9 and 1.0 s he goes down before it and is lost.
+There the horizon changes what he does, but not in the paper's order: who looks further ahead gives
+in sooner.
 """
 OBJECTS = """## Held objects
 
