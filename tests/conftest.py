@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -28,6 +29,12 @@ from physique.tracking.windows import Window
 Array = NDArray[np.float64]
 
 MOCAP = Path(__file__).resolve().parents[2] / "shared" / "mocap"
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _ctrl_c_reaches_children() -> None:
+    """Processes that a shell starts in the background ignore Ctrl-C, and so would their own."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session")
