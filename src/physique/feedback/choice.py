@@ -104,8 +104,7 @@ class Chooser:
             return falls
         frames = np.minimum(clock + np.arange(len(probes.com)), self.tree.frames - 1)
         far = distance(self.tree, frames[:, None], probes.q[:-1], probes.com, probes.com_velocity)
-        stands = far[:-1].mean(axis=0) + 10.0 / (len(far) - 1) * far[-1]
-        return np.where(probes.fallen, falls, stands)
+        return np.where(probes.fallen, falls, along(far))
 
     def _candidates(self, q: Array, v: Array, clock: int) -> list[tuple[int, Array]]:
         """Nodes near the state and the shifts to follow them with, at most kappa."""
@@ -160,6 +159,11 @@ def features(q: Array, v: Array, com: Array, com_velocity: Array) -> NDArray[np.
         0.1**0.5 * v[:, 6:],
     ]
     return np.concatenate(parts, axis=1).astype(np.float32)
+
+
+def along(far: Array) -> Array:
+    """L of Eq. 21 (...) of paths whose states are far (n, ...) from the motion's."""
+    return np.asarray(far[:-1].mean(axis=0) + 10.0 / (len(far) - 1) * far[-1])
 
 
 def distance(tree: Tree, frames: NDArray[np.intp], q: Array, com: Array, velocity: Array) -> Array:

@@ -10,15 +10,16 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import BSpline
 
-from physique.feedback.choice import distance, features
+from physique.feedback.choice import along, distance, features
 from physique.feedback.connect import Trunk, make_branch
 from physique.feedback.law import BOUND, path
 from physique.feedback.tree import Branch, Tree
 from physique.simulation import kinematics
 from physique.simulation.rollout import Feedback, Rollout
 from physique.simulation.simulator import Simulator
+from physique.tracking.cma import new_search
+from physique.tracking.spline import DEGREE, fit_knots, knot_matrix
 
 Array = NDArray[np.float64]
 
@@ -54,8 +55,6 @@ def connect(
     steps = options.steps
     if frame + steps >= trunk.last:
         return None
-    import cma  # it brings 45 MB of plotting along, which processes of the other connector spare
-
     goal = _goal(simulator, tree, q, v, frame, options)
     way = path(tree, goal, min(options.ahead, trunk.last - frame - steps))
     about_q, about_v = tree.q[way.nodes].copy(), tree.v[way.nodes]
@@ -63,9 +62,9 @@ def connect(
     lead = np.zeros((steps, 50, 112))
     follow_gains = tree.gains[tree.gain[way.nodes]].astype(np.float64)
     follow_control = tree.control[way.nodes]
-    matrix = _spline(options.knots, steps)
+    matrix = knot_matrix(options.knots, steps, min(DEGREE, options.knots - 1))
     guess = tree.control[np.minimum(frame + np.arange(steps), trunk.last)]
-    start = np.linalg.lstsq(matrix, guess, rcond=None)[0]
+    start = fit_knots(matrix, guess)
 
     def controller(knots: Array) -> Feedback:
         return Feedback(
@@ -83,15 +82,10 @@ def connect(
         count = len(motion.control)
         frames = np.minimum(frame + np.arange(count + 1), trunk.last)
         far = distance(tree, frames, motion.q, motion.com, motion.com_velocity)[steps:]
-        value = far[:-1].mean() + 10.0 / (len(far) - 1) * far[-1]
+        value = along(far)
         return float(value) if np.isfinite(value) else 1e6
 
-    search = cma.CMAEvolutionStrategy(
-        start.ravel(), options.sigma,
-        {"popsize": options.samples, "verbose": -9, "verb_log": 0, "seed": np.nan,
-         "randn": lambda *shape: rng.standard_normal(shape), "signals_filename": "",
-         "maxiter": np.inf, "maxfevals": np.inf},
-    )  # fmt: skip
+    search = new_search(start.ravel(), options.sigma, options.samples, rng)
     best, found = np.inf, None
     for _ in range(options.iterations):
         samples = search.ask()
@@ -121,13 +115,3 @@ def _goal(
     near = np.flatnonzero(np.abs(tree.frame - frame - options.steps) <= options.alpha)
     there = features(tree.q[near], tree.v[near], tree.com[near], tree.com_velocity[near])
     return int(near[np.argmin(np.sum((there - here) ** 2, axis=1))])
-
-
-def _spline(knots: int, steps: int) -> Array:
-    """(steps, knots), as `tracking.spline` but quadratic where there are but three knots."""
-    degree = min(3, knots - 1)
-    breaks = np.linspace(0.0, 1.0, knots - degree + 1)
-    padded = np.concatenate([np.zeros(degree), breaks, np.ones(degree)])
-    return np.asarray(
-        BSpline.design_matrix((np.arange(steps) + 0.5) / steps, padded, degree).toarray()
-    )

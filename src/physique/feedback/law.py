@@ -63,11 +63,7 @@ class Followers:
         targets = tree.control[nodes]
         if self._feedback:
             targets = targets + self._wanted(q, v)
-        parents = tree.parent[nodes]
-        onward = parents >= 0
-        leaves = onward & (tree.branch[parents] != tree.branch[nodes])
-        self.shifts = self.shifts + np.where(leaves[:, None], tree.shift[nodes], 0.0)
-        self.nodes = np.where(onward, parents, nodes)
+        self.nodes, self.shifts = onward(tree, nodes, self.shifts)
         return self._law.servo.within_limits(targets, q, v)
 
     def _wanted(self, q: Array, v: Array) -> Array:
@@ -94,13 +90,19 @@ class Path:
 
 def path(tree: Tree, node: int, steps: int) -> Path:
     """The first `steps` nodes from `node` towards the root."""
-    nodes, shifts, shift = [], [], np.zeros(2)
-    for _ in range(steps):
-        nodes.append(node)
-        shifts.append(shift)
-        parent = int(tree.parent[node])
-        if parent >= 0:
-            if tree.branch[parent] != tree.branch[node]:
-                shift = shift + tree.shift[node]
-            node = parent
-    return Path(np.array(nodes), np.array(shifts))
+    nodes, shifts = [np.array([node])], [np.zeros((1, 2))]
+    for _ in range(steps - 1):
+        ahead, beside = onward(tree, nodes[-1], shifts[-1])
+        nodes.append(ahead)
+        shifts.append(beside)
+    return Path(np.concatenate(nodes), np.concatenate(shifts))
+
+
+def onward(tree: Tree, nodes: NDArray[np.int64], shifts: Array) -> tuple[NDArray[np.int64], Array]:
+    """The parents of nodes (B,) and how far (B, 2), m, beside these the body goes; the last frame
+    is held."""
+    parents = tree.parent[nodes]
+    goes = parents >= 0
+    leaves = goes & (tree.branch[parents] != tree.branch[nodes])
+    beside = shifts + np.where(leaves[:, None], tree.shift[nodes], 0.0)
+    return np.where(goes, parents, nodes), beside

@@ -10,6 +10,7 @@ import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,7 +73,8 @@ def solve(
     start = np.zeros((matrix.shape[1], joints))
     if options.warm_start:
         start = fit_knots(matrix, nominal.control)
-    search = _package().CMAEvolutionStrategy(start.ravel(), options.sigma, _settings(options))
+    rng = np.random.default_rng(options.seed)
+    search = new_search(start.ravel(), options.sigma, options.samples, rng)
     best, lowest = start, evaluate(problem, simulator, _controls(matrix, start[None]))[0]
     history = [lowest]
     status = "iterations"
@@ -119,17 +121,23 @@ def sampled_solution(
 
 
 def _package() -> ModuleType:
-    """The package cma, without its complaint about plots that it cannot draw."""
+    """The package cma, without its complaint about plots that it cannot draw.
+
+    It brings 45 MB of plotting along, so it is imported where it is used.
+    """
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Could not import matplotlib")
         import cma
     return cma
 
 
-def _settings(options: Options) -> dict[str, object]:
-    rng = np.random.default_rng(options.seed)
-    return {
-        "popsize": options.samples,
+def new_search(start: Array, sigma: float, samples: int, rng: np.random.Generator) -> Any:
+    """CMA from start (n,) with a standard deviation of sigma, that stops only where it converged.
+
+    All its draws are of rng.
+    """
+    settings = {
+        "popsize": samples,
         "randn": lambda *shape: rng.standard_normal(shape),
         "seed": np.nan,  # leave NumPy's global generator alone
         "maxiter": np.inf,
@@ -139,6 +147,7 @@ def _settings(options: Options) -> dict[str, object]:
         "verb_log": 0,
         "signals_filename": "",  # else it looks for a file in the working folder every iteration
     }
+    return _package().CMAEvolutionStrategy(start, sigma, settings)
 
 
 def _controls(matrix: Array, knots: Array) -> Array:
