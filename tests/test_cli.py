@@ -14,24 +14,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from command_line import call
 from physique import skeleton
 from physique.body.named import PEOPLE
-from physique.cli import main
 from physique.export.bvh import write_bvh
 from physique.motion.library import list_clips
 from physique.motion.read import read_motion
 
 OK, BAD = 0, 2
 WALK = ["retarget", "walk", "--body", "average", "--out", "not_made"]
-
-
-def call(*arguments: object) -> int:
-    """The exit code of a command, run in this process."""
-    try:
-        main([str(a) for a in arguments])
-    except SystemExit as stop:
-        return int(stop.code or 0)
-    return OK
 
 
 def refusal(capfd: pytest.CaptureFixture[str], *arguments: object) -> str:

@@ -17,7 +17,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 import physique
-from physique.cli import Export, main, parse
+from command_line import call
+from physique.cli import Export, parse
 from physique.errors import InputError
 from physique.exporting import SUFFIXES, Format, export_run, file_names
 from physique.motion.bvh import read_bvh
@@ -33,14 +34,6 @@ def folder(run: Run, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path.mkdir()
     finish_run(path, run)
     return path
-
-
-def call(*arguments: object) -> int:
-    try:
-        main([str(a) for a in arguments])
-    except SystemExit as stop:
-        return int(stop.code or 0)
-    return 0
 
 
 @pytest.mark.parametrize(

@@ -9,21 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from command_line import call
 from physique import skeleton
-from physique.cli import main
 from physique.experiments import fig6, table1, table2
 from physique.experiments.recovery import longest_step
 from physique.feedback.policy import load_policy
 from physique.robustness import PushReport
-
-
-def call(*arguments: object) -> int:
-    try:
-        main([str(a) for a in arguments])
-    except SystemExit as stop:
-        return int(stop.code or 0)
-    return 0
-
 
 KEYS = {
     "trials", "survived", "survival", "median_recovery_s", "impulse_ns", "delta_v", "decision_ms",
