@@ -161,6 +161,20 @@ def show_pushes(report: PushReport, as_json: bool) -> None:
     table(("", ""), rows)
 
 
+def _tenths(screen: Console) -> Callable[[str, str, float], None]:
+    """A function of a work's title, its state and the share that is done, 0 to 1: it tells them on
+    stderr, a line for each tenth, where no terminal shows the bar."""
+    told: set[tuple[str, int]] = set()
+
+    def tell(title: str, state: str, share: float) -> None:
+        tenth = (title, int(10 * share + 1e-9))
+        if not screen.is_terminal and tenth not in told:
+            told.add(tenth)
+            sys.stderr.write(f"{title}: {state}\n")
+
+    return tell
+
+
 def _bar(screen: Console, state: TextColumn) -> Progress:
     """A bar with a title, a state in words and the time; none where no terminal is."""
     return Progress(
@@ -201,7 +215,7 @@ def growth(title: str) -> Iterator[Callable[[Grown], None]]:
     bar = _bar(screen, TextColumn("{task.fields[state]}", markup=False))
     with bar:
         task = bar.add_task(title, total=None, state="starting")
-        told: set[int] = set()
+        tell = _tenths(screen)
 
         def report(step: Grown) -> None:
             state = (
@@ -209,22 +223,19 @@ def growth(title: str) -> Iterator[Callable[[Grown], None]]:
                 f"{step.seconds_left:.0f} s left"
             )
             bar.update(task, total=step.total, completed=step.done, state=state)
-            tenth = 10 * step.done // step.total
-            if not screen.is_terminal and tenth not in told:
-                told.add(tenth)
-                sys.stderr.write(f"{title}: {state}\n")
+            tell(title, state, step.done / step.total)
 
         yield report
 
 
 @contextmanager
 def progress(title: str) -> Iterator[Callable[[Step], None]]:
-    """A progress bar on stderr; where that is no terminal, a line now and then."""
-    console = Console(stderr=True)
-    bar = _bar(console, TextColumn("{task.fields[state]}", markup=False))
+    """A progress bar on stderr; where that is no terminal, a line a tenth."""
+    screen = Console(stderr=True)
+    bar = _bar(screen, TextColumn("{task.fields[state]}", markup=False))
     with bar:
         task = bar.add_task(title, total=None, state="reading")
-        told: set[tuple[str, int]] = set()
+        tell = _tenths(screen)
 
         def report(step: Step) -> None:
             state = f"{step.done:.1f} of {step.total:.1f} s"
@@ -237,10 +248,7 @@ def progress(title: str) -> Iterator[Callable[[Step], None]]:
             bar.update(
                 task, description=step.name, total=step.total, completed=step.done, state=state
             )
-            tenth = (step.name, int(10 * step.done / step.total + 1e-9))
-            if not console.is_terminal and tenth not in told:
-                told.add(tenth)
-                sys.stderr.write(f"{step.name}: {state}\n")
+            tell(step.name, state, step.done / step.total)
 
         yield report
 

@@ -35,7 +35,6 @@ class Servo:
         self._lag = self._kd / self._kp
         self._reach = self._limit * (1.0 - 1e-6) / self._kp
         self._data = mujoco.MjData(self.model)
-        self._ahead = mujoco.MjData(self.model)  # its solver starts where the last step ended
 
     def center(self, q: Array, v: Array) -> tuple[Array, Array]:
         """Centre of mass (3,), m, and its velocity (3,), m/s, at q (57,), v (56,)."""
@@ -49,7 +48,7 @@ class Servo:
 
     def step(self, q: Array, v: Array, targets: Array) -> tuple[Array, Array]:
         """The state (57,), (56,) that a step from (q, v) under targets (50,) leads to, unpushed."""
-        data = self._ahead
+        data = self._data
         data.qpos[:], data.qvel[:], data.ctrl[:] = q, v, targets
         mujoco.mj_step(self.model, data)
         return data.qpos.copy(), data.qvel.copy()
