@@ -30,10 +30,7 @@ def main() -> None:
         "| mesh to capsules | capsules to mesh | hull rule cm | hull max cm |",
         "| --- " * 12 + "|",
     ]
-    mass = [
-        "| body | rule | " + " | ".join(SEGMENTS) + " | RMS |",
-        "| --- " * (len(SEGMENTS) + 3) + "|",
-    ]
+    mass = ["| body | rule | " + " | ".join(SEGMENTS) + " | RMS |", "| --- " * (len(SEGMENTS) + 3) + "|"]
     for sex, table in DE_LEVA.items():
         values = " | ".join(f"{table[s]:.2f}" for s in SEGMENTS)
         mass.append(f"| de Leva, {sex} | | {values} | |")

@@ -26,7 +26,7 @@ from physique.feedback.growth import root
 from physique.feedback.law import BOUND
 from physique.feedback.pushes import random_pushes
 from physique.feedback.tree import grown
-from physique.run import load_run
+from physique.runs.run import load_run
 from physique.simulation.closed_loop import Servo
 from physique.simulation.disturb import Push, simulate_pushed
 from physique.simulation.quiet import quiet
@@ -66,10 +66,13 @@ def main() -> None:
         while len(rows) < options.states:
             push = random_pushes(rng, 1, options.impulse, 10, (0, trunk.last - 150), 0.01)[0]
             moved = simulate_pushed(
-                character, trunk.q[push.start], trunk.v[push.start], 10,
+                character,
+                trunk.q[push.start],
+                trunk.v[push.start],
+                10,
                 lambda t, q, v, first=push.start: law(first + t, q, v),
                 Push(push.part, push.force, 0, 10),
-            )  # fmt: skip
+            )
             q, v, at = moved.q[-1], moved.v[-1], push.start + 10
             if chooser.choose(q, v, at).loss < ZETA:
                 continue

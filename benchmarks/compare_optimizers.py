@@ -33,17 +33,17 @@ import numpy as np
 from optimizers_report import STEPS_PER_SIMULATION, write_report
 from physique.body.build import capsule_body
 from physique.body.named import PEOPLE, named_body
-from physique.metrics import joint_errors
+from physique.character import kinematics
+from physique.character.model import Character, make_character
 from physique.motion.read import read_motion
-from physique.simulation import kinematics
-from physique.simulation.character import Character, make_character
+from physique.reference.reference import make_reference
+from physique.runs.metrics import joint_errors
 from physique.simulation.quiet import quiet
 from physique.simulation.rollout import Rollout
 from physique.simulation.simulator import Simulator
 from physique.store import write_atomic
 from physique.tracking import cma, costs, ddp
 from physique.tracking.problem import Problem, Solution, warm_start
-from physique.tracking.reference import make_reference
 from samplers import CemOptions, MppiOptions, annealed_mppi, incremental_cem
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -54,7 +54,7 @@ BODIES = ("average", "thin", "heavy")
 TORQUE = 100.0  # Nm
 SAMPLES = 200
 #: Searches three times, and stops by itself before a hundredth of the paper's 32 million steps.
-FAST = ddp.Options(iterations=60, tolerance=0.001, enough=0.0, hard=0.0)
+FAST = ddp.DdpOptions(iterations=60, tolerance=0.001, enough=0.0, hard=0.0)
 CHECKPOINT = 120.0  # s between stores
 
 OnIteration = Callable[[int, float], None]
@@ -74,7 +74,7 @@ class Optimizer:
 
 def optimizers(budget: int, rival_steps: int) -> dict[str, Optimizer]:
     """All that are compared. budget: simulations of the paper's; rival_steps: of each rival."""
-    paper = cma.Options(samples=SAMPLES, iterations=max(1, budget // SAMPLES))
+    paper = cma.CmaOptions(samples=SAMPLES, iterations=max(1, budget // SAMPLES))
     cem, mppi = CemOptions(budget=rival_steps), MppiOptions(budget=rival_steps)
     return {
         "fast": Optimizer({}, lambda p, s, n, on: ddp.solve(p, s, n, FAST, on)),
@@ -158,8 +158,7 @@ class Watched(Problem):
         if self.best.q is None:
             return float("nan")
         joints, wanted = (
-            kinematics.poses(self.character, q, heights=False).joints
-            for q in (self.best.q, self.target.q)
+            kinematics.poses(self.character, q, heights=False).joints for q in (self.best.q, self.target.q)
         )
         return 1e3 * float(joint_errors(joints, wanted).mean())
 
@@ -178,9 +177,7 @@ class Point(NamedTuple):
     seconds: float
 
 
-def run(
-    optimizer: Optimizer, problem: Problem, threads: int, store: Callable[[dict], None]
-) -> None:
+def run(optimizer: Optimizer, problem: Problem, threads: int, store: Callable[[dict], None]) -> None:
     """The curve of an optimiser. Seconds are of the processor: other work does not count."""
     watched = Watched(problem.character, problem.q0, problem.v0, problem.target, problem.weights)
     with Simulator(problem.character, threads) as simulator:
@@ -204,12 +201,7 @@ def run(
         store(_entry(curve, solution, seconds, optimizer.settings))
 
 
-def _entry(
-    curve: list[Point],
-    solution: Solution | None,
-    seconds: float,
-    settings: dict[str, float],
-) -> dict:
+def _entry(curve: list[Point], solution: Solution | None, seconds: float, settings: dict[str, float]) -> dict:
     every = max(1, len(curve) // 250)
     kept = curve[::every] + (curve[-1:] if (len(curve) - 1) % every else [])
     return {

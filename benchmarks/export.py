@@ -16,8 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
-from physique.exporting import SUFFIXES, TOGETHER, export_run
-from physique.run import Run, load_run
+from physique.commands.export import SUFFIXES, TOGETHER, export_run
+from physique.runs.run import Run, load_run
 from physique.tracking.trajectory import Trajectory
 
 
@@ -52,10 +52,14 @@ def repeated(run: Run, seconds: float) -> Run:
     return replace(
         run,
         trajectory=Trajectory(
-            np.arange(frames) * run.timestep, motion.q[index], motion.v[index],
-            motion.control[steps], motion.torque[steps], motion.reference_q[index],
+            np.arange(frames) * run.timestep,
+            motion.q[index],
+            motion.v[index],
+            motion.control[steps],
+            motion.torque[steps],
+            motion.reference_q[index],
         ),
-    )  # fmt: skip
+    )
 
 
 if __name__ == "__main__":

@@ -31,9 +31,9 @@ from PIL import Image
 import physique
 from physique import skeleton
 from physique.body.held import Hand
-from physique.export.scene import Scene, stage_runs
-from physique.metrics import SUCCESS_LIMIT, joint_errors
-from physique.simulation import kinematics
+from physique.character import kinematics
+from physique.render.scene import Scene, stage_runs
+from physique.runs.metrics import SUCCESS_LIMIT, joint_errors
 from physique.simulation.session import PUSH_SECONDS, Push, Session
 from physique.store import prepare_folder, write_atomic
 
@@ -59,9 +59,7 @@ class MissingError(Exception):
 def salsa() -> Film:
     """One dance, three bodies."""
     if not SALSA.is_file():
-        raise MissingError(
-            f"no {SALSA.name} in ../shared/mocap; docs/gallery.md says where it is from"
-        )
+        raise MissingError(f"no {SALSA.name} in ../shared/mocap; docs/gallery.md says where it is from")
     runs = [
         _run(f"salsa_{body}", str(SALSA), body, fps=60, start=2, end=6)
         for body in ("thin", "average", "heavy")
@@ -72,9 +70,17 @@ def salsa() -> Film:
 def crowd() -> Film:
     """One walk, ten bodies."""
     names = (
-        "short_woman", "thin_woman", "thin", "average_woman", "average", "tall", "athletic",
-        "stout", "heavy_woman", "heavy",
-    )  # fmt: skip
+        "short_woman",
+        "thin_woman",
+        "thin",
+        "average_woman",
+        "average",
+        "tall",
+        "athletic",
+        "stout",
+        "heavy_woman",
+        "heavy",
+    )
     runs = [_run(f"walk_{body}", "walk", body, end=3.0) for body in names]
     labels = [f"{run.body.mass:.0f} kg" for run in runs]
     return _film(_stage(runs, labels, (720, 280), 10, 6, seconds=2.1))
@@ -123,8 +129,7 @@ def push(folder: Path) -> Film:
     runs = [replace(run, trajectory=replace(run.trajectory, q=q)) for q in answers.values()]
     scene = _stage(runs, list(answers), (560, 320), 40, 6)
     hit = replace(
-        scene,
-        actors=tuple(replace(a, label=f"{a.label}: {strength:.0f} Ns") for a in scene.actors),
+        scene, actors=tuple(replace(a, label=f"{a.label}: {strength:.0f} Ns") for a in scene.actors)
     )
     lasts = round(4 * PUSH_SECONDS / run.timestep)  # frames that say so
     return [(hit if at <= t < at + lasts else scene, t) for _, t in _film(scene)]
@@ -174,9 +179,17 @@ def write_webp(path: Path, film: Film) -> int:
     for quality in QUALITIES:
         buffer = io.BytesIO()
         pictures[0].save(
-            buffer, "WEBP", save_all=True, append_images=pictures[1:], duration=times, loop=0,
-            quality=quality, method=4, kmin=9, kmax=1000,
-        )  # fmt: skip
+            buffer,
+            "WEBP",
+            save_all=True,
+            append_images=pictures[1:],
+            duration=times,
+            loop=0,
+            quality=quality,
+            method=4,
+            kmin=9,
+            kmax=1000,
+        )
         if buffer.tell() <= MOST_BYTES:
             break
     write_atomic(path, buffer.getvalue())

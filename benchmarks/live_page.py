@@ -20,10 +20,10 @@ import zstandard
 from playwright.sync_api import sync_playwright
 from viser import __version__ as viser_version
 
-from physique.run import load_run
-from physique.view.live import serving
-from physique.view.page import Page
-from physique.view.show import Show
+from physique.live.page import Page
+from physique.live.serve import serving
+from physique.live.show import Show
+from physique.runs.run import load_run
 
 FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 

@@ -27,8 +27,8 @@ from PIL import Image
 
 import physique
 from physique.body.named import PEOPLE
-from physique.export.picture import strip
 from physique.motion.library import list_clips
+from physique.render.picture import strip
 from physique.store import read_json, write_json
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -44,9 +44,14 @@ PICTURES = (("walk", "heavy"), ("kick", "average"), ("cartwheel", "average"), ("
 
 #: Of each run's metrics.
 KEPT = (
-    "success", "mpjpe_mm", "mpjpe_max_mm", "penetration_mm", "foot_skate_planted_mm_per_s",
-    "foot_skate_source_mm_per_s", "sim_steps_per_motion_s",
-)  # fmt: skip
+    "success",
+    "mpjpe_mm",
+    "mpjpe_max_mm",
+    "penetration_mm",
+    "foot_skate_planted_mm_per_s",
+    "foot_skate_source_mm_per_s",
+    "sim_steps_per_motion_s",
+)
 
 
 @dataclass(frozen=True)
@@ -185,9 +190,7 @@ def summary(cells: dict[str, dict[str, Any]], bodies: list[str]) -> list[str]:
         ("all", list(cells)),
     ):
         for columns, kind in ((["average"], "the average body"), (bodies, "all bodies")):
-            found = [
-                cells[n][b] for n in chosen for b in columns if "success" in cells[n].get(b, {})
-            ]
+            found = [cells[n][b] for n in chosen for b in columns if "success" in cells[n].get(b, {})]
             if not found:
                 continue
             lines.append(
@@ -230,15 +233,17 @@ def pictures() -> np.ndarray:
         model = mujoco.MjModel.from_xml_string(run.character_xml)
         strips.append(
             strip(
-                model, run.trajectory.q, 8, fps=1.0 / model.opt.timestep,
-                reference_q=run.trajectory.reference_q, panel=(130, 180),
+                model,
+                run.trajectory.q,
+                8,
+                fps=1.0 / model.opt.timestep,
+                reference_q=run.trajectory.reference_q,
+                panel=(130, 180),
                 labels=("reference", f"{clip}, {body}"),
             )
-        )  # fmt: skip
+        )
     width = max(s.shape[1] for s in strips)
-    padded = [
-        np.pad(s, ((0, 8), (0, width - s.shape[1]), (0, 0)), constant_values=255) for s in strips
-    ]
+    padded = [np.pad(s, ((0, 8), (0, width - s.shape[1]), (0, 0)), constant_values=255) for s in strips]
     return np.concatenate(padded)
 
 

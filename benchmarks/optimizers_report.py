@@ -128,8 +128,7 @@ def _summary(rows: dict) -> str:
 
 def _table(rows: dict) -> str:
     lines = [
-        "| window | body | optimiser | E | error mm | simulated steps | seconds "
-        "| `fast` needs for this E |",
+        "| window | body | optimiser | E | error mm | simulated steps | seconds | `fast` needs for this E |",
         "| --- " * 8 + "|",
     ]
     stale = False
@@ -150,9 +149,7 @@ def _table(rows: dict) -> str:
                 f"| {entry['seconds']:.0f} | {_need(fast, entry)} |"
             )
     if stale:
-        lines.append(
-            "\n\\* on this window not all were measured on the same version of the body model."
-        )
+        lines.append("\n\\* on this window not all were measured on the same version of the body model.")
     if any(not entry["done"] for row in rows.values() for entry in entries(row).values()):
         lines.append('\nA search marked "so far" had not used up its budget.')
     return "\n".join(lines)
@@ -206,9 +203,13 @@ def _plot(rows: dict, y: str, x: str, path: Path) -> None:
     windows = list(dict.fromkeys(_window(key, row) for key, row in rows.items()))
     shape = max(1, len(bodies)), max(1, len(windows))
     figure, axes = plt.subplots(
-        *shape, figsize=(3.4 * shape[1], 2.7 * shape[0]), sharex=True, sharey=True,
-        squeeze=False, layout="constrained",
-    )  # fmt: skip
+        *shape,
+        figsize=(3.4 * shape[1], 2.7 * shape[0]),
+        sharex=True,
+        sharey=True,
+        squeeze=False,
+        layout="constrained",
+    )
     for key, row in rows.items():
         axis = axes[bodies.index(row["body"]), windows.index(_window(key, row))]
         axis.set_title(key, fontsize=10)
@@ -221,12 +222,14 @@ def _plot(rows: dict, y: str, x: str, path: Path) -> None:
         axis.set_ylabel(AXES[y])
     for axis in axes[-1]:
         axis.set_xlabel(AXES[x])
-    handles = {label: handle for axis in axes.flat
-               for handle, label in zip(*axis.get_legend_handles_labels())}  # fmt: skip
+    handles = {
+        label: handle for axis in axes.flat for handle, label in zip(*axis.get_legend_handles_labels())
+    }
     if handles:
         names = [*(n for n in LOOKS if n in handles), *(n for n in handles if n not in LOOKS)]
-        figure.legend([handles[n] for n in names], names, loc="outside upper center",
-                      ncols=len(names), frameon=False)  # fmt: skip
+        figure.legend(
+            [handles[n] for n in names], names, loc="outside upper center", ncols=len(names), frameon=False
+        )
     figure.savefig(path, dpi=100)
     plt.close(figure)
 
@@ -234,5 +237,6 @@ def _plot(rows: dict, y: str, x: str, path: Path) -> None:
 def _draw(axis: plt.Axes, x: np.ndarray, y: list[float], name: str, done: bool) -> None:
     look = LOOKS.get(name, OTHER)
     axis.plot(x, y, look.dash, color=look.color, lw=look.width, label=name)
-    axis.plot(x[-1], y[-1], "o", color=look.color, ms=6, zorder=3,
-              markerfacecolor=look.color if done else "white")  # fmt: skip
+    axis.plot(
+        x[-1], y[-1], "o", color=look.color, ms=6, zorder=3, markerfacecolor=look.color if done else "white"
+    )

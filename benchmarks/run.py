@@ -18,8 +18,20 @@ import physique
 
 ROOT = Path(__file__).resolve().parent.parent
 CMU = ROOT.parent / "shared" / "mocap" / "cmu"
-LIBRARY = ("run", "jump", "dance_a", "spin", "kick", "spinkick", "crawl", "roll", "getup_faceup",
-           "getup_facedown", "cartwheel", "backflip")  # fmt: skip
+LIBRARY = (
+    "run",
+    "jump",
+    "dance_a",
+    "spin",
+    "kick",
+    "spinkick",
+    "crawl",
+    "roll",
+    "getup_faceup",
+    "getup_facedown",
+    "cartwheel",
+    "backflip",
+)
 #: Name -> clip, options of the reading, bodies, torque limits.
 ROWS: dict[str, tuple[str | Path, dict[str, Any], tuple[str, ...], tuple[Any, ...]]] = {
     "walk": ("walk", {}, ("average", "thin", "heavy"), ("body",)),

@@ -33,31 +33,30 @@ CHUNK = 256
 
 
 def _check(
-    name: str,
-    options: object,
-    least: dict[str, int],
-    positive: tuple[str, ...],
-    fractions: tuple[str, ...],
+    name: str, options: object, least: dict[str, int], positive: tuple[str, ...], fractions: tuple[str, ...]
 ) -> None:
     """Raise InputError for an option that makes no sense."""
     for option, value in least.items():
         if getattr(options, option) < value:
             raise InputError(
-                f"{name} option {option}", str(getattr(options, option)), f"at least {value}",
-                "raise it",
-            )  # fmt: skip
+                f"{name} option {option}", str(getattr(options, option)), f"at least {value}", "raise it"
+            )
     for option in positive:
         if not 0 < getattr(options, option) < np.inf:
             raise InputError(
-                f"{name} option {option}", str(getattr(options, option)), "more than 0",
+                f"{name} option {option}",
+                str(getattr(options, option)),
+                "more than 0",
                 "leave it at its default",
-            )  # fmt: skip
+            )
     for option in fractions:
         if not 0 < getattr(options, option) <= 1:
             raise InputError(
-                f"{name} option {option}", str(getattr(options, option)),
-                "more than 0, at most 1", "leave it at its default",
-            )  # fmt: skip
+                f"{name} option {option}",
+                str(getattr(options, option)),
+                "more than 0, at most 1",
+                "leave it at its default",
+            )
 
 
 @dataclass(frozen=True)
@@ -87,8 +86,13 @@ class CemOptions:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        _check("CEM", self, least={"samples": 2, "stage_iterations": 1, "patience": 1, "budget": 1},
-               positive=("spacing", "sigma", "sigma_floor"), fractions=("elite",))  # fmt: skip
+        _check(
+            "CEM",
+            self,
+            least={"samples": 2, "stage_iterations": 1, "patience": 1, "budget": 1},
+            positive=("spacing", "sigma", "sigma_floor"),
+            fractions=("elite",),
+        )
         if self.tolerance < 0:
             raise InputError("CEM option tolerance", str(self.tolerance), "0 or more", "try 0.02")
 
@@ -121,9 +125,13 @@ class MppiOptions:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        _check("MPPI", self, least={"samples": 2, "iterations": 1, "budget": 1},
-               positive=("spacing", "sigma", "temperature"),
-               fractions=("elite", "annealing"))  # fmt: skip
+        _check(
+            "MPPI",
+            self,
+            least={"samples": 2, "iterations": 1, "budget": 1},
+            positive=("spacing", "sigma", "temperature"),
+            fractions=("elite", "annealing"),
+        )
 
 
 def incremental_cem(
@@ -281,10 +289,12 @@ def _evaluate(
     problem: Problem, simulator: Simulator, matrix: Array, knots: Array, about: Array | float = 0.0
 ) -> Array:
     """E (B,) of the splines knots (B, knots, 50) on top of the controls `about` (N, 50)."""
-    return np.concatenate([
-        evaluate(problem, simulator, about + np.einsum("tk,bkj->btj", matrix, knots[i : i + CHUNK]))
-        for i in range(0, len(knots), CHUNK)
-    ])  # fmt: skip
+    return np.concatenate(
+        [
+            evaluate(problem, simulator, about + np.einsum("tk,bkj->btj", matrix, knots[i : i + CHUNK]))
+            for i in range(0, len(knots), CHUNK)
+        ]
+    )
 
 
 def _elite(cost: Array, count: int) -> NDArray[np.intp]:

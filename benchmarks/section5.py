@@ -20,13 +20,13 @@ from PIL import Image, ImageDraw, ImageFont
 
 import physique
 from physique import rotations, skeleton
-from physique.bodies import write_png
-from physique.export.picture import frame_camera, render, strip
+from physique.character import kinematics
+from physique.character.hinges import columns
+from physique.character.model import empty_handed
+from physique.character.soles import sole_points
+from physique.commands.bodies import write_png
 from physique.motion.clip import Motion
-from physique.simulation import kinematics
-from physique.simulation.character import empty_handed
-from physique.simulation.hinges import columns
-from physique.simulation.soles import sole_points
+from physique.render.picture import frame_camera, render, strip
 from physique.store import write_atomic
 
 Array = NDArray[np.float64]
@@ -129,8 +129,7 @@ def horizon() -> tuple[str, Array]:
         print(f"no {KICKS.name} in ../shared/mocap: the embedded kick instead", file=sys.stderr)
     name = "Two front kicks (CMU 135_04, 2 to 6 s)" if reading else "The embedded `kick`"
     lines = [
-        "| limits | horizon | followed | error, mean mm | worst frame | kicks mm "
-        "| down | thousand steps/s |",
+        "| limits | horizon | followed | error, mean mm | worst frame | kicks mm | down | thousand steps/s |",
         "| --- " * 8 + "|",
     ]
     rows = []
@@ -278,8 +277,7 @@ def _sheet(rows: Sequence[tuple[str, physique.Run, Array]], n: int = 9) -> Array
 
 
 def _front(
-    stand: Sequence[tuple[str, physique.Run, Array]],
-    walk: Sequence[tuple[str, physique.Run, Array]],
+    stand: Sequence[tuple[str, physique.Run, Array]], walk: Sequence[tuple[str, physique.Run, Array]]
 ) -> Array:
     """From the front, all at one scale: the last pose of who stands, strips of who walks."""
     models = [run.character().model for _, run, _ in stand]
@@ -289,11 +287,7 @@ def _front(
         for model, (label, _, q) in zip(models, stand)
     ]
     strips = [
-        _label(
-            strip(run.character().model, q, len(poses), fps=100.0, camera=camera, panel=PANEL),
-            label,
-            26,
-        )
+        _label(strip(run.character().model, q, len(poses), fps=100.0, camera=camera, panel=PANEL), label, 26)
         for label, run, q in walk
         if label in ("nothing", "stick:2kg", "stick:10kg", "block:5kg")
     ]

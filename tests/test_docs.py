@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 
 import physique
+from physique.character.model import Character
 from physique.cli import main, parse
 from physique.export.bvh import write_body_bvh
-from physique.simulation.character import Character
-from physique.tracking.reference import Reference
+from physique.reference.reference import Reference
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -49,9 +49,7 @@ def python_blocks() -> list[object]:
     """Each as a case; those that retarget take minutes, a viewer needs a display and a person."""
     return [
         pytest.param(
-            code,
-            marks=[pytest.mark.slow] if "retarget(" in code else [],
-            id=f"{page.stem}-{number}",
+            code, marks=[pytest.mark.slow] if "retarget(" in code else [], id=f"{page.stem}-{number}"
         )
         for page in PAGES
         for number, code in enumerate(blocks(page, "python"), start=1)
@@ -114,9 +112,7 @@ def test_faults_are_quoted() -> None:
 
 def test_the_python_page_has_every_public_name_once() -> None:
     page = (ROOT / "docs" / "api.md").read_text("utf-8")
-    assert sorted(re.findall(r"^::: physique\.(\w+)$", page, flags=re.MULTILINE)) == sorted(
-        physique.__all__
-    )
+    assert sorted(re.findall(r"^::: physique\.(\w+)$", page, flags=re.MULTILINE)) == sorted(physique.__all__)
 
 
 def test_the_site_has_every_page() -> None:
@@ -125,9 +121,7 @@ def test_the_site_has_every_page() -> None:
     assert sorted(named) == sorted(page.name for page in PAGES[1:])
 
 
-@pytest.mark.parametrize(
-    "name", ["salsa", "crowd", "torque", "backflip", "stick", "blocks", "push"]
-)
+@pytest.mark.parametrize("name", ["salsa", "crowd", "torque", "backflip", "stick", "blocks", "push"])
 def test_films_of_the_gallery_are_small(name: str) -> None:
     film = ROOT / "docs" / "images" / "gallery" / f"{name}.webp"
     assert film.stat().st_size <= 450_000

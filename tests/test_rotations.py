@@ -36,8 +36,7 @@ def _near_half_turn(rng: np.random.Generator) -> Rotation:
 
 
 samples = st.tuples(
-    st.sampled_from([_uniform, _gaussian, _near_identity, _near_half_turn]),
-    st.integers(0, 2**32 - 1),
+    st.sampled_from([_uniform, _gaussian, _near_identity, _near_half_turn]), st.integers(0, 2**32 - 1)
 ).map(lambda pair: pair[0](np.random.default_rng(pair[1])))
 check = settings(max_examples=60, deadline=None)
 
@@ -145,8 +144,7 @@ def test_about() -> None:
 def test_slerp(a: Rotation, b: Rotation, t: float) -> None:
     ours = rotations.slerp(wxyz(a), wxyz(b), np.full(N, t))
     theirs = [
-        Slerp([0, 1], Rotation.concatenate([a[i], b[i]]))(t).as_quat(scalar_first=True)
-        for i in range(N)
+        Slerp([0, 1], Rotation.concatenate([a[i], b[i]]))(t).as_quat(scalar_first=True) for i in range(N)
     ]
     # Of two ways that are equally long (to rounding) either may be taken.
     clear = (a.inv() * b).magnitude() < np.pi - 1e-6

@@ -8,11 +8,29 @@ from physique.skeleton import INDEX, JOINTS, MIRROR, PARENTS
 def test_joints_are_smpls() -> None:
     # The first 22 of the 24 joints of the SMPL model: files index their arrays by this order.
     assert JOINTS == (
-        "pelvis", "left_hip", "right_hip", "spine1", "left_knee", "right_knee", "spine2",
-        "left_ankle", "right_ankle", "spine3", "left_foot", "right_foot", "neck", "left_collar",
-        "right_collar", "head", "left_shoulder", "right_shoulder", "left_elbow", "right_elbow",
-        "left_wrist", "right_wrist",
-    )  # fmt: skip
+        "pelvis",
+        "left_hip",
+        "right_hip",
+        "spine1",
+        "left_knee",
+        "right_knee",
+        "spine2",
+        "left_ankle",
+        "right_ankle",
+        "spine3",
+        "left_foot",
+        "right_foot",
+        "neck",
+        "left_collar",
+        "right_collar",
+        "head",
+        "left_shoulder",
+        "right_shoulder",
+        "left_elbow",
+        "right_elbow",
+        "left_wrist",
+        "right_wrist",
+    )
     assert [INDEX[name] for name in JOINTS] == list(range(22))
 
 

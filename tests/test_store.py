@@ -18,14 +18,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from physique.errors import InputError
-from physique.store import (
-    prepare_folder,
-    read_json,
-    read_npz,
-    write_atomic,
-    write_json,
-    write_npz,
-)
+from physique.store import prepare_folder, read_json, read_npz, write_atomic, write_json, write_npz
 
 ARRAYS = {
     "q": np.random.default_rng(0).normal(size=(50, 57)),
@@ -181,9 +174,7 @@ def test_write_into_no_folder(tmp_path: Path) -> None:
         write_atomic(tmp_path / "gone" / "x.bin", b"1")
 
 
-def test_failed_write_leaves_old_file_and_no_rest(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_failed_write_leaves_old_file_and_no_rest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write_atomic(tmp_path / "x.bin", b"old")
 
     def full(descriptor: int) -> None:
@@ -243,9 +234,7 @@ while True:
 def test_killed_at_any_time_leaves_a_whole_file(tmp_path: Path) -> None:
     path = tmp_path / "x.npz"
     for pause in (0.0, 0.013, 0.031):
-        process = subprocess.Popen(
-            [sys.executable, "-c", ENDLESS, str(path)], stdout=subprocess.PIPE
-        )
+        process = subprocess.Popen([sys.executable, "-c", ENDLESS, str(path)], stdout=subprocess.PIPE)
         assert process.stdout is not None
         assert process.stdout.read(5) == b"ready"
         time.sleep(pause)

@@ -60,11 +60,7 @@ JOINT_BONE = {
 }
 TOE_BONES = tuple(f"toe{i}-1.L" for i in range(1, 6))
 #: Further points, needed to lay the hand flat in the T-pose.
-LANDMARK_BONE = {
-    "left_index": "finger2-1.L",
-    "left_middle": "finger3-1.L",
-    "left_little": "finger5-1.L",
-}
+LANDMARK_BONE = {"left_index": "finger2-1.L", "left_middle": "finger3-1.L", "left_little": "finger5-1.L"}
 #: Bones of their own while posing, so that a twist spreads over the limb; folded afterwards.
 TWIST_BONE = {"upperarm01.L": "left_shoulder_swing", "lowerarm02.L": "left_wrist_twist"}
 #: Where a rig bone's skin weights go; bones not named go where their parent's go.
@@ -89,19 +85,34 @@ WEIGHT_TARGET = {
     **TWIST_BONE,
 }
 #: Groups of the base mesh that hide the inner surfaces of the head.
-OCCLUDERS = ("body", "helper-l-eye", "helper-r-eye", "helper-upper-teeth", "helper-lower-teeth",
-             "helper-tongue")  # fmt: skip
+OCCLUDERS = (
+    "body",
+    "helper-l-eye",
+    "helper-r-eye",
+    "helper-upper-teeth",
+    "helper-lower-teeth",
+    "helper-tongue",
+)
 #: Skin is what can be seen from this share of all directions, and in one piece.
 LEAST_SEEN = 0.12
 #: Vertices of the nipples, and the quads that close the holes they leave.
 NIPPLES = (*range(1778, 1794), *range(8450, 8466))
 CAPS = (
-    (8437, 8438, 8439, 8440), (8436, 8437, 8440, 8441), (8435, 8436, 8441, 8442),
-    (8434, 8435, 8442, 8443), (8449, 8434, 8443, 8444), (8448, 8449, 8444, 8445),
-    (8447, 8448, 8445, 8446), (1762, 1771, 1770, 1763), (1763, 1770, 1769, 1764),
-    (1764, 1769, 1768, 1765), (1765, 1768, 1767, 1766), (1762, 1777, 1772, 1771),
-    (1777, 1776, 1773, 1772), (1776, 1775, 1774, 1773),
-)  # fmt: skip
+    (8437, 8438, 8439, 8440),
+    (8436, 8437, 8440, 8441),
+    (8435, 8436, 8441, 8442),
+    (8434, 8435, 8442, 8443),
+    (8449, 8434, 8443, 8444),
+    (8448, 8449, 8444, 8445),
+    (8447, 8448, 8445, 8446),
+    (1762, 1771, 1770, 1763),
+    (1763, 1770, 1769, 1764),
+    (1764, 1769, 1768, 1765),
+    (1765, 1768, 1767, 1766),
+    (1762, 1777, 1772, 1771),
+    (1777, 1776, 1773, 1772),
+    (1776, 1775, 1774, 1773),
+)
 
 
 def world_from_makehuman(points: Array) -> Array:
@@ -254,13 +265,10 @@ def build(wheel: zipfile.ZipFile) -> dict[str, NDArray[np.generic]]:
     points["left_foot"] = [point(bone) for bone in TOE_BONES]
 
     def left_rows(x: Array) -> Array:
-        means = [
-            np.mean([x[group].mean(axis=0) for group in points[name]], axis=0) for name in points
-        ]
+        means = [np.mean([x[group].mean(axis=0) for group in points[name]], axis=0) for name in points]
         # Mid-line points of the rig are off the mid-plane by rounding.
         means = [
-            m if name.startswith("left_") else m * [1, 0, 1]
-            for name, m in zip(points, means, strict=True)
+            m if name.startswith("left_") else m * [1, 0, 1] for name, m in zip(points, means, strict=True)
         ]
         return np.concatenate([x[left], means])
 
@@ -288,12 +296,11 @@ def build(wheel: zipfile.ZipFile) -> dict[str, NDArray[np.generic]]:
     def options(folder: str, names: tuple[str, ...]) -> list[list[list[list[list[int]]]]]:
         return [
             [
-                [[[target(f"{folder}/{s}-{a}-{m}-{w}-{n}") for n in names] for w in WEIGHTS]
-                 for m in MUSCLES]
+                [[[target(f"{folder}/{s}-{a}-{m}-{w}-{n}") for n in names] for w in WEIGHTS] for m in MUSCLES]
                 for s in SEXES
             ]
             for a in AGES
-        ]  # fmt: skip
+        ]
 
     height, proportions = options("height", HEIGHTS), options("proportions", PROPORTIONS)
 

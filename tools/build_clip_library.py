@@ -49,9 +49,20 @@ JOINTS: dict[str, tuple[str | None, tuple[float, float, float]]] = {
 }
 # Columns of a frame after the duration and the root position: a quaternion, or a hinge about z.
 COLUMNS = (
-    "root", "chest", "neck", "right_hip", "right_knee", "right_ankle", "right_shoulder",
-    "right_elbow", "left_hip", "left_knee", "left_ankle", "left_shoulder", "left_elbow",
-)  # fmt: skip
+    "root",
+    "chest",
+    "neck",
+    "right_hip",
+    "right_knee",
+    "right_ankle",
+    "right_shoulder",
+    "right_elbow",
+    "left_hip",
+    "left_knee",
+    "left_ankle",
+    "left_shoulder",
+    "left_elbow",
+)
 HINGES = ("right_knee", "right_elbow", "left_knee", "left_elbow")
 CYCLES = {"walk": 3, "run": 4}
 LEFT_OUT = ("dance_b",)  # its feet slide throughout, at 0.5 m/s and more

@@ -25,8 +25,10 @@ def main(arguments: list[str]) -> int:
         return 2
     source, out = (Path(argument).resolve() for argument in arguments)
     if not source.is_file() or out.suffix.lower() != ".fbx" or not out.parent.is_dir():
-        print(f"glb_to_fbx: expected an existing .glb and a .fbx to write; found {source}, {out}",
-              file=sys.stderr)  # fmt: skip
+        print(
+            f"glb_to_fbx: expected an existing .glb and a .fbx to write; found {source}, {out}",
+            file=sys.stderr,
+        )
         return 2
     convert(source, out)
     print(out)

@@ -12,23 +12,23 @@ if TYPE_CHECKING:
     from physique.body.fit import make_body
     from physique.body.held import Held, parse_held
     from physique.body.named import named_body
+    from physique.character.held import HeldGeom, held_geoms
+    from physique.character.model import Character, make_character
+    from physique.character.start import start_state
+    from physique.character.strength import torque_limits
+    from physique.commands.export import export_run
+    from physique.commands.feedback import PushReport, grow_tree, push, stabilize
+    from physique.commands.retarget import Progress, export_bvh, retarget
     from physique.errors import InputError
-    from physique.exporting import export_run
     from physique.feedback.policy import Policy, load_policy
     from physique.motion.clip import Motion
     from physique.motion.library import list_clips
     from physique.motion.read import read_motion
-    from physique.pipeline import Progress, export_bvh, retarget
-    from physique.robustness import PushReport, grow_tree, push, stabilize
-    from physique.run import Run, load_run
-    from physique.simulation.character import Character, make_character
-    from physique.simulation.held import HeldGeom, held_geoms
-    from physique.simulation.start import start_state
-    from physique.simulation.strength import torque_limits
-    from physique.tracking.costs import Weights
-    from physique.tracking.reference import Reference, make_reference
+    from physique.reference.reference import Reference, make_reference
+    from physique.reference.target import Weights
+    from physique.report.report import write_report
+    from physique.runs.run import Run, load_run
     from physique.tracking.trajectory import Trajectory
-    from physique.view.report import write_report
 
 __version__ = version("physique")
 
@@ -76,22 +76,22 @@ _HOME = {
     "physique.body.held": ("Held", "parse_held"),
     "physique.body.named": ("named_body",),
     "physique.errors": ("InputError",),
-    "physique.exporting": ("export_run",),
+    "physique.commands.export": ("export_run",),
     "physique.feedback.policy": ("Policy", "load_policy"),
     "physique.motion.clip": ("Motion",),
     "physique.motion.library": ("list_clips",),
     "physique.motion.read": ("read_motion",),
-    "physique.pipeline": ("Progress", "export_bvh", "retarget"),
-    "physique.robustness": ("PushReport", "grow_tree", "push", "stabilize"),
-    "physique.run": ("Run", "load_run"),
-    "physique.simulation.character": ("Character", "make_character"),
-    "physique.simulation.strength": ("torque_limits",),
-    "physique.simulation.held": ("HeldGeom", "held_geoms"),
-    "physique.tracking.costs": ("Weights",),
-    "physique.tracking.reference": ("Reference", "make_reference"),
-    "physique.simulation.start": ("start_state",),
+    "physique.commands.retarget": ("Progress", "export_bvh", "retarget"),
+    "physique.commands.feedback": ("PushReport", "grow_tree", "push", "stabilize"),
+    "physique.runs.run": ("Run", "load_run"),
+    "physique.character.model": ("Character", "make_character"),
+    "physique.character.strength": ("torque_limits",),
+    "physique.character.held": ("HeldGeom", "held_geoms"),
+    "physique.reference.target": ("Weights",),
+    "physique.reference.reference": ("Reference", "make_reference"),
+    "physique.character.start": ("start_state",),
     "physique.tracking.trajectory": ("Trajectory",),
-    "physique.view.report": ("write_report",),
+    "physique.report.report": ("write_report",),
 }
 
 

@@ -33,18 +33,12 @@ JOINTS: tuple[str, ...] = (
 )
 
 #: Index of each joint's parent; the pelvis has -1.
-PARENTS: tuple[int, ...] = (
-    -1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19,
-)  # fmt: skip
+PARENTS: tuple[int, ...] = (-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19)
 
 INDEX: dict[str, int] = {name: index for index, name in enumerate(JOINTS)}
 
 #: The same joint on the other side of the body; joints on the mid-plane mirror onto themselves.
 MIRROR: tuple[int, ...] = tuple(
-    INDEX[
-        name.replace("left_", "right_")
-        if name.startswith("left_")
-        else name.replace("right_", "left_")
-    ]
+    INDEX[name.replace("left_", "right_") if name.startswith("left_") else name.replace("right_", "left_")]
     for name in JOINTS
 )

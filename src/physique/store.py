@@ -111,9 +111,15 @@ def read_npz(path: PathLike) -> dict[str, NDArray[Any]]:
     except OSError as fault:
         raise _unreadable(path, _reason(fault), "an npz file") from None
     except (
-        zipfile.BadZipFile, zlib.error, ValueError, EOFError, KeyError, NotImplementedError,
-        RuntimeError, MemoryError,
-    ) as fault:  # fmt: skip
+        zipfile.BadZipFile,
+        zlib.error,
+        ValueError,
+        EOFError,
+        KeyError,
+        NotImplementedError,
+        RuntimeError,
+        MemoryError,
+    ) as fault:
         where = f"array {member!r} damaged: " if member else ""
         raise _unreadable(path, f"{where}{fault}", "a whole npz file of plain arrays") from None
     return arrays

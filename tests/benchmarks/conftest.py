@@ -10,7 +10,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
 
 from compare_optimizers import Window, make_problem
-from physique.simulation.character import Character
+from physique.character.model import Character
 from physique.tracking.problem import Problem
 
 STEPS = 30

@@ -8,9 +8,9 @@ from PIL import Image
 
 import gallery
 from physique.body.named import named_body
-from physique.run import Run
-from physique.simulation.character import Character
-from physique.tracking.reference import Reference
+from physique.character.model import Character
+from physique.reference.reference import Reference
+from physique.runs.run import Run
 from physique.tracking.trajectory import Trajectory
 
 

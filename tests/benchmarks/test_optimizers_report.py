@@ -20,11 +20,18 @@ from samplers import MppiOptions, annealed_mppi
 def entry(cost: float, steps: int, **changes: object) -> dict[str, Any]:
     """A stored curve that falls to `cost` in `steps`."""
     return {
-        "problem": "a", "done": True, "status": "iterations",
-        "steps": [steps // 4, steps // 2, steps], "cost": [9 * cost, 3 * cost, cost],
-        "error_mm": [50.0, 40.0, 30.4], "times": [1.0, 2.0, 4.0],
-        "final_cost": cost, "final_steps": steps, "seconds": 12.3, **changes,
-    }  # fmt: skip
+        "problem": "a",
+        "done": True,
+        "status": "iterations",
+        "steps": [steps // 4, steps // 2, steps],
+        "cost": [9 * cost, 3 * cost, cost],
+        "error_mm": [50.0, 40.0, 30.4],
+        "times": [1.0, 2.0, 4.0],
+        "final_cost": cost,
+        "final_steps": steps,
+        "seconds": 12.3,
+        **changes,
+    }
 
 
 ALL = {
@@ -46,21 +53,15 @@ def report(tmp_path: Path, windows: dict[str, Any]) -> str:
 
 def test_report_of_all_optimizers_and_bodies(tmp_path: Path) -> None:
     text = report(
-        tmp_path,
-        {"walk": {**PLACE, **ALL}, "walk, heavy": {**PLACE, "body": "heavy", "cem": ALL["cem"]}},
+        tmp_path, {"walk": {**PLACE, **ALL}, "walk, heavy": {**PLACE, "body": "heavy", "cem": ALL["cem"]}}
     )
     lines = text.splitlines()
     assert "| walk (walk from 0.2 s) | average | fast | **2.00** | 30 | 0.3 M | 12 |  |" in lines
     # `fast` was at 18, 6 and 2.
-    assert (
-        "| walk (walk from 0.2 s) | average | cem | 15.00 | 30 | 1.6 M | 12 | 0.15 M steps |"
-        in lines
-    )
+    assert "| walk (walk from 0.2 s) | average | cem | 15.00 | 30 | 1.6 M | 12 | 0.15 M steps |" in lines
     assert any("8.1 M, so far (100,000 simulations)" in line for line in lines)
     assert 'marked "so far"' in text
-    assert (
-        "- Of 1 windows `fast` ends lower than `cem` on 1. E is 0.133 times that of `cem`" in text
-    )
+    assert "- Of 1 windows `fast` ends lower than `cem` on 1. E is 0.133 times that of `cem`" in text
     assert "than `paper`" not in text  # it is not done
     assert "| walk (walk from 0.2 s) | heavy | cem | **15.00** | 30 | 1.6 M | 12 |  |" in lines
     # At equal steps: a budget that ended leaves a gap, who stopped by himself does not.
@@ -108,11 +109,15 @@ def test_merge_takes_all_but_unfinished_for_finished() -> None:
     ours = {"windows": {"walk": {**PLACE, "fast": ALL["fast"], "mppi": ALL["mppi"]}}}
     theirs = {
         "windows": {
-            "walk": {**PLACE, "paper": ALL["paper"], "fast": entry(1.0, 5),
-                     "mppi": entry(3.0, 7, done=False)},
+            "walk": {
+                **PLACE,
+                "paper": ALL["paper"],
+                "fast": entry(1.0, 5),
+                "mppi": entry(3.0, 7, done=False),
+            },
             "kick": {**PLACE, "paper": ALL["paper"]},
         }
-    }  # fmt: skip
+    }
     merge(ours, theirs)
     walk = ours["windows"]["walk"]
     assert walk["paper"] == ALL["paper"]

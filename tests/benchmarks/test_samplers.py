@@ -36,9 +36,12 @@ def solve(
     calls: list[tuple[int, float]] = []
     with Simulator(problem.character, threads) as simulator:
         solution = function(
-            problem, simulator, start_nominal(problem), replace(options, **changes),
+            problem,
+            simulator,
+            start_nominal(problem),
+            replace(options, **changes),
             lambda iteration, cost: calls.append((iteration, cost)),
-        )  # fmt: skip
+        )
         assert solution.steps == simulator.steps
     return solution, calls
 
@@ -55,9 +58,7 @@ def test_defaults_are_as_published() -> None:
     assert (mppi.iterations, mppi.annealing) == (16, 0.1)
 
 
-def test_descends_and_reports_every_iteration(
-    found: tuple[Solution, list[tuple[int, float]]],
-) -> None:
+def test_descends_and_reports_every_iteration(found: tuple[Solution, list[tuple[int, float]]]) -> None:
     solution, calls = found
     assert solution.cost < 0.9 * solution.history[0]
     assert all(b <= a for a, b in zip(solution.history, solution.history[1:]))

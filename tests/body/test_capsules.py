@@ -33,9 +33,15 @@ def test_error_of_a_surface_with_itself_and_of_a_swollen_copy() -> None:
     """A box against its own mesh, then against one larger by 1 cm on each side."""
     vertices, faces = primitive_mesh(box(0.1), 0.01)
     mesh = BodyMesh(
-        "box", vertices, faces, np.zeros((22, 3)), np.ones((len(vertices), 22)) / 22,
-        np.ones(len(vertices), dtype=bool), 0.008, 7.88,
-    )  # fmt: skip
+        "box",
+        vertices,
+        faces,
+        np.zeros((22, 3)),
+        np.ones((len(vertices), 22)) / 22,
+        np.ones(len(vertices), dtype=bool),
+        0.008,
+        7.88,
+    )
     assert surface_error(mesh, [box(0.1)]).mean_cm < 0.3
     swollen = surface_error(mesh, [box(0.11)])
     assert 0.95 < swollen.mesh_to_primitives_cm < 1.1

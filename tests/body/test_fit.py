@@ -11,8 +11,10 @@ from physique.errors import InputError
 @settings(max_examples=8, deadline=None, derandomize=True)
 @given(
     st.sampled_from(["male", "female", "neutral"]),
-    st.floats(0.05, 0.95), st.floats(0.0, 1.0), st.floats(10.0, 90.0),
-)  # fmt: skip
+    st.floats(0.05, 0.95),
+    st.floats(0.0, 1.0),
+    st.floats(10.0, 90.0),
+)
 def test_hits_stature_and_mass(sex: str, tall: float, heavy: float, age: float) -> None:
     heights = reachable_height(sex, age)  # type: ignore[arg-type]
     height = heights.low + tall * (heights.high - heights.low)

@@ -25,12 +25,7 @@ def body() -> CapsuleBody:
 @st.composite
 def objects(draw: st.DrawFn) -> Held:
     shape = draw(st.sampled_from(("stick", "block")))
-    return Held(
-        shape,
-        draw(st.floats(*MASSES)),
-        draw(st.floats(*SIZES[shape])),
-        draw(st.sampled_from(HANDS)),
-    )
+    return Held(shape, draw(st.floats(*MASSES)), draw(st.floats(*SIZES[shape])), draw(st.sampled_from(HANDS)))
 
 
 @settings(deadline=None)

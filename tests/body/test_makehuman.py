@@ -121,12 +121,15 @@ def test_agrees_with_the_source_files() -> None:
             sex, muscle, weight, height, proportions = rng.uniform(size=5)
             p = Phenotype(sex, 25.0, muscle, weight, height, proportions)
             hat = {
-                "male": 1 - sex, "female": sex,
-                "minmuscle": max(0, 1 - 2 * muscle), "averagemuscle": 1 - abs(2 * muscle - 1),
+                "male": 1 - sex,
+                "female": sex,
+                "minmuscle": max(0, 1 - 2 * muscle),
+                "averagemuscle": 1 - abs(2 * muscle - 1),
                 "maxmuscle": max(0, 2 * muscle - 1),
-                "minweight": max(0, 1 - 2 * weight), "averageweight": 1 - abs(2 * weight - 1),
+                "minweight": max(0, 1 - 2 * weight),
+                "averageweight": 1 - abs(2 * weight - 1),
                 "maxweight": max(0, 2 * weight - 1),
-            }  # fmt: skip
+            }
             expected = base.copy()
             for s in tool["SEXES"]:
                 for race in tool["RACES"]:

@@ -22,9 +22,7 @@ def rms(name: str, masses: list[float]) -> float:
 
 
 @pytest.mark.parametrize("name", ["average", "thin", "heavy", "heavy_woman"])
-def test_nearest_bone_is_close_to_de_leva_and_the_papers_rule_is_not(
-    person: Person, name: str
-) -> None:
+def test_nearest_bone_is_close_to_de_leva_and_the_papers_rule_is_not(person: Person, name: str) -> None:
     mesh, body = person(name)
     nearest = rms(name, [p.mass for p in body.parts])
     paper = rms(name, [p.mass for p in part_masses(mesh, body.parts, "paper")])
@@ -92,11 +90,9 @@ def test_papers_rule_on_two_balls(person: Person) -> None:
         for i, p in enumerate(body.parts)
     ]
     hip = INDEX["left_hip"]
-    solids[hip] = Primitive("left_hip", "ellipsoid", np.full(3, 0.01), np.array([0, 0, 0.01]),
-                            np.eye(3))  # fmt: skip
+    solids[hip] = Primitive("left_hip", "ellipsoid", np.full(3, 0.01), np.array([0, 0, 0.01]), np.eye(3))
     right = INDEX["right_hip"]
-    solids[right] = Primitive("right_hip", "ellipsoid", np.full(3, 0.01), np.array([0, 0, 0.01]),
-                              np.eye(3))  # fmt: skip
+    solids[right] = Primitive("right_hip", "ellipsoid", np.full(3, 0.01), np.array([0, 0, 0.01]), np.eye(3))
     masses = [p.mass for p in part_masses(mesh, solids, "paper")]
     assert masses[hip] / masses[0] == pytest.approx(11 / 16, abs=0.01)
     assert masses[INDEX["head"]] / masses[0] == pytest.approx(1.0, abs=1e-6)

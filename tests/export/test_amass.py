@@ -9,9 +9,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from physique import skeleton
+from physique.character import kinematics
 from physique.export.amass import write_amass
-from physique.run import Run
-from physique.simulation import kinematics
+from physique.runs.run import Run
 
 
 def smpl_joints(file: Path) -> np.ndarray:
@@ -36,9 +36,7 @@ def smpl_joints(file: Path) -> np.ndarray:
 
 
 @pytest.mark.parametrize("source", [False, True])
-def test_joints_come_back_to_a_tenth_of_a_millimetre(
-    run: Run, tmp_path: Path, source: bool
-) -> None:
+def test_joints_come_back_to_a_tenth_of_a_millimetre(run: Run, tmp_path: Path, source: bool) -> None:
     file = write_amass(tmp_path / "walk.npz", run, source=source)
     q = run.trajectory.reference_q if source else run.trajectory.q
     wanted = kinematics.joint_positions(run.character(), q)

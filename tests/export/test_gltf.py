@@ -23,11 +23,11 @@ from physique.body.primitives import primitive_mesh
 from physique.errors import InputError
 from physique.export.bvh import R_FILE_FROM_WORLD
 from physique.export.gltf import glb_bytes, limit_weights, write_glb
-from physique.export.layout import side_by_side
-from physique.export.palette import SOURCE, linear_rgb, of_rgb
-from physique.export.skin import joint_transforms, skin_vertices
-from physique.export.surface import held_mesh, vertex_normals
-from physique.run import Run
+from physique.render.layout import side_by_side
+from physique.render.palette import SOURCE, linear_rgb, of_rgb
+from physique.render.skin import joint_transforms, skin_vertices
+from physique.render.surface import held_mesh, vertex_normals
+from physique.runs.run import Run
 
 WEB = Path(__file__).parents[2] / "tools" / "web"
 TYPES = {5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
@@ -87,9 +87,7 @@ class Reader:
         attributes = self.json["meshes"][node["mesh"]]["primitives"][0]["attributes"]
         get = {key: self.values(index) for key, index in attributes.items()}
         moves = self.world(at)[skin["joints"]] @ self.values(skin["inverseBindMatrices"])
-        blend = np.einsum(
-            "vk,vkij->vij", get["WEIGHTS_0"], moves[get["JOINTS_0"].astype(int)]
-        )  # fmt: skip
+        blend = np.einsum("vk,vkij->vij", get["WEIGHTS_0"], moves[get["JOINTS_0"].astype(int)])
         points = np.c_[get["POSITION"], np.ones(len(get["POSITION"]))]
         return np.einsum("vij,vj->vi", blend, points)[:, :3] @ R_FILE_FROM_WORLD
 
@@ -126,9 +124,7 @@ def test_capsules_follow_their_joints(run: Run) -> None:
     for joint, part, rest, place in zip(
         skeleton.JOINTS, run.body.parts, run.body.joints, placed, strict=True
     ):
-        found = next(
-            i for i, n in enumerate(reader.json["nodes"]) if n["name"] == f"capsule {joint}"
-        )
+        found = next(i for i, n in enumerate(reader.json["nodes"]) if n["name"] == f"capsule {joint}")
         mesh = reader.json["meshes"][reader.json["nodes"][found]["mesh"]]
         local = reader.values(mesh["primitives"][0]["attributes"]["POSITION"])
         points = (local @ world[found, :3, :3].T + world[found, :3, 3]) @ R_FILE_FROM_WORLD
@@ -181,9 +177,7 @@ def test_compact_files_of_fewer_frames_show_the_same_motion(run: Run) -> None:
         assert np.abs(error).max() < 3e-4
 
 
-def test_a_body_without_skin_is_refused_unless_capsules_are_asked_for(
-    run: Run, tmp_path: Path
-) -> None:
+def test_a_body_without_skin_is_refused_unless_capsules_are_asked_for(run: Run, tmp_path: Path) -> None:
     bare = dataclasses.replace(run, mesh=None)
     with pytest.raises(InputError, match="without a skin"):
         write_glb(tmp_path / "a.glb", [bare])
@@ -198,10 +192,7 @@ def test_ten_seconds_take_less_than_three(run: Run, tmp_path: Path) -> None:
     frames = 1001
     index = np.abs((np.arange(frames) + 50) % 100 - 50)  # there and back
     long = dataclasses.replace(
-        motion,
-        times=np.arange(frames) * 0.01,
-        q=motion.q[index],
-        reference_q=motion.reference_q[index],
+        motion, times=np.arange(frames) * 0.01, q=motion.q[index], reference_q=motion.reference_q[index]
     )
     begin = time.perf_counter()
     write_glb(tmp_path / "a.glb", [dataclasses.replace(run, trajectory=long)], source=True)
@@ -212,9 +203,7 @@ def test_ten_seconds_take_less_than_three(run: Run, tmp_path: Path) -> None:
 @given(st.integers(0, 2**32 - 1), st.integers(1, 22))
 def test_weights_are_the_four_largest_and_sum_to_one(seed: int, count: int) -> None:
     random = np.random.default_rng(seed)
-    weights = (
-        random.dirichlet(np.full(count, 0.3), size=20) @ np.eye(22)[random.permutation(22)][:count]
-    )
+    weights = random.dirichlet(np.full(count, 0.3), size=20) @ np.eye(22)[random.permutation(22)][:count]
     joints, stored = limit_weights(weights)
     assert (stored.sum(axis=1, dtype=int) == 65535).all()
     assert (joints[stored == 0] == 0).all()
@@ -245,8 +234,7 @@ def test_another_reader_finds_the_body_upright_and_in_metres(run: Run, tmp_path:
     for mesh in scene.geometry.values():
         assert len(mesh.faces) == len(run.mesh.faces)
         assert mesh.volume == pytest.approx(
-            trimesh.Trimesh(run.mesh.vertices, run.mesh.faces, process=False).volume,
-            rel=1e-4,
+            trimesh.Trimesh(run.mesh.vertices, run.mesh.faces, process=False).volume, rel=1e-4
         )
         assert mesh.bounds[:, 1] == pytest.approx([0, run.body.height], abs=0.01)
         assert np.ptp(mesh.bounds[:, 0]) > 1.4  # the arms stretch out sideways
@@ -266,9 +254,8 @@ def test_the_khronos_validator_finds_nothing(run: Run, armed_run: Run, tmp_path:
     small = tmp_path / "small.glb"
     small.write_bytes(glb_bytes(runs, source=True, surface="both", keep_every=3, compact=True))
     done = subprocess.run(
-        ["node", WEB / "validate_gltf.mjs", *files, small],
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
+        ["node", WEB / "validate_gltf.mjs", *files, small], capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, done.stdout + done.stderr
     reports = json.loads(done.stdout)
     assert len(reports) == 4

@@ -10,13 +10,11 @@ import pytest
 
 from physique.errors import InputError
 from physique.export.mjcf import write_mjcf
-from physique.run import Run
+from physique.runs.run import Run
 
 
 @pytest.mark.parametrize(("rate", "step"), [(None, 4), (50.0, 2), (1000.0, 1)])
-def test_keys_are_the_frames_of_the_run(
-    run: Run, tmp_path: Path, rate: float | None, step: int
-) -> None:
+def test_keys_are_the_frames_of_the_run(run: Run, tmp_path: Path, rate: float | None, step: int) -> None:
     path = write_mjcf(tmp_path / "walk.xml", run, rate=rate)
     model = mujoco.MjModel.from_xml_path(str(path))
     motion = run.trajectory

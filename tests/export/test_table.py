@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from physique.character.hinges import HINGES
 from physique.export.table import write_table
-from physique.run import Run
-from physique.simulation.hinges import HINGES
+from physique.runs.run import Run
 
 
 def read(path: Path) -> dict[str, np.ndarray]:

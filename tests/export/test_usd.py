@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from physique.errors import InputError
-from physique.export.layout import side_by_side
-from physique.export.skin import skin_vertices
-from physique.export.surface import capsule_surface, surface
 from physique.export.usd import write_usd
-from physique.run import Run
+from physique.render.layout import side_by_side
+from physique.render.skin import skin_vertices
+from physique.render.surface import capsule_surface, surface
+from physique.runs.run import Run
 
 pytest.importorskip("pxr", reason="needs usd-core: pip install 'physique[usd]'")
 from pxr import Gf, Usd, UsdGeom, UsdSkel

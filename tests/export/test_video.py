@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from physique.errors import InputError
-from physique.export.scene import stage_runs
 from physique.export.video import write_video
-from physique.run import Run
+from physique.render.scene import stage_runs
+from physique.runs.run import Run
 
 av = pytest.importorskip("av", reason="needs PyAV: pip install 'physique[video]'")
 
@@ -40,9 +40,7 @@ def test_the_rate_can_be_chosen(run: Run, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("size", "text"), [((161, 120), "even numbers"), ((8, 8), "16 to 4096")])
-def test_sizes_that_cannot_be_are_refused(
-    run: Run, tmp_path: Path, size: tuple[int, int], text: str
-) -> None:
+def test_sizes_that_cannot_be_are_refused(run: Run, tmp_path: Path, size: tuple[int, int], text: str) -> None:
     with pytest.raises(InputError, match=text):
         write_video(tmp_path / "walk.mp4", [run], size=size)
     assert list(tmp_path.iterdir()) == []

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import pytest
 
+from physique.commands.feedback import stabilize
+from physique.commands.retarget import retarget
 from physique.experiments.table2 import standing
 from physique.feedback.connect import Trunk, make_trunk
 from physique.feedback.growth import root
 from physique.feedback.tree import Tree
 from physique.motion.read import trim
-from physique.pipeline import retarget
-from physique.robustness import stabilize
-from physique.run import Run
+from physique.runs.run import Run
 from physique.simulation.simulator import Simulator
 
 

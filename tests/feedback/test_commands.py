@@ -11,15 +11,21 @@ import pytest
 
 from command_line import call
 from physique import skeleton
+from physique.commands.feedback import PushReport
 from physique.experiments import fig6, table1, table2
 from physique.experiments.recovery import longest_step
 from physique.feedback.policy import load_policy
-from physique.robustness import PushReport
 
 KEYS = {
-    "trials", "survived", "survival", "median_recovery_s", "impulse_ns", "delta_v", "decision_ms",
+    "trials",
+    "survived",
+    "survival",
+    "median_recovery_s",
+    "impulse_ns",
+    "delta_v",
+    "decision_ms",
     "realtime_factor",
-}  # fmt: skip
+}
 
 
 @pytest.fixture(scope="module")

@@ -9,11 +9,11 @@ import scipy.linalg
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from physique.character.state import difference, integrate
 from physique.feedback import lqr
 from physique.feedback.connect import Trunk
-from physique.run import Run
+from physique.runs.run import Run
 from physique.simulation.simulator import Simulator
-from physique.simulation.state import difference, integrate
 
 
 def system(seed: int, steps: int, n: int = 5, m: int = 2) -> tuple[np.ndarray, ...]:
@@ -71,7 +71,7 @@ def test_the_closed_loop_is_that_of_the_simulator(run: Run) -> None:
     with Simulator(character, 1) as simulator:
         linear = simulator.linearize(q[None], v[None], u[None], motion.v[t + 1][None])
     A, B = lqr.torque_system(character, linear)
-    L = lqr.riccati(A, B, *lqr.cost_matrices(character, motion.q[t : t + 2], lqr.Weights()))[0]
+    L = lqr.riccati(A, B, *lqr.cost_matrices(character, motion.q[t : t + 2], lqr.LqrWeights()))[0]
     U = lqr.target_gains(character, A, B, L)[0]
     data = mujoco.MjData(character.model)
 
@@ -95,7 +95,7 @@ def test_both_forms_of_the_gains_have_the_same_closed_loop(run: Run) -> None:
     with Simulator(character, 1) as simulator:
         linear = simulator.linearize(motion.q[part], motion.v[part], motion.control[part])
     A, B = lqr.torque_system(character, linear)
-    Q, R = lqr.cost_matrices(character, motion.q[10:21], lqr.Weights())
+    Q, R = lqr.cost_matrices(character, motion.q[10:21], lqr.LqrWeights())
     L, _ = lqr.riccati(A, B, Q, R)
     U = lqr.target_gains(character, A, B, L)
     for t in range(10):

@@ -15,7 +15,7 @@ import pytest
 from physique.errors import InputError
 from physique.feedback.policy import Policy, load_policy
 from physique.feedback.tree import Branch, Tree, grown, read_policy, save_policy
-from physique.run import Run
+from physique.runs.run import Run
 from physique.simulation.closed_loop import Servo, motor_model
 from physique.simulation.disturb import Push, simulate_pushed
 
@@ -39,11 +39,16 @@ def fake_branch(tree: Tree, frame: int, nodes: int, seed: int) -> Branch:
     rng = np.random.default_rng(seed)
     part = slice(frame, frame + nodes)
     return Branch(
-        q=tree.q[part], v=tree.v[part], control=tree.control[part], com=tree.com[part],
+        q=tree.q[part],
+        v=tree.v[part],
+        control=tree.control[part],
+        com=tree.com[part],
         com_velocity=tree.com_velocity[part],
-        gains=tree.gains[part][::3], shift=rng.normal(size=2) * 0.01, parent=frame + nodes,
+        gains=tree.gains[part][::3],
+        shift=rng.normal(size=2) * 0.01,
+        parent=frame + nodes,
         frame=frame,
-    )  # fmt: skip
+    )
 
 
 @pytest.mark.parametrize("controller", ["pd", "lqr"])
@@ -165,9 +170,7 @@ def test_branches_lead_to_their_parents(tree: Tree) -> None:
 
 
 @pytest.mark.parametrize("damage", ["cut", "flip", "empty", "foreign", "npz"])
-def test_a_damaged_or_foreign_file_is_refused_in_a_line(
-    folder: Path, tmp_path: Path, damage: str
-) -> None:
+def test_a_damaged_or_foreign_file_is_refused_in_a_line(folder: Path, tmp_path: Path, damage: str) -> None:
     data = (folder / "policy.npz").read_bytes()
     middle = len(data) // 2
     path = tmp_path / "policy.npz"
@@ -204,9 +207,7 @@ def test_a_tree_is_asked_for_only_where_one_is(folder: Path) -> None:
         load_policy(folder / "policy.npz", "mpc")
 
 
-def test_a_tree_of_500_states_is_small_and_loads_fast(
-    tree: Tree, folder: Path, tmp_path: Path
-) -> None:
+def test_a_tree_of_500_states_is_small_and_loads_fast(tree: Tree, folder: Path, tmp_path: Path) -> None:
     """By its size alone; 40 nodes a branch, as grown trees have on average."""
     xml, _, _ = read_policy(folder / "policy.npz")
     whole = grown(tree, [fake_branch(tree, i % 10, 40, i) for i in range(500)])

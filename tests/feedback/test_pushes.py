@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from physique.character import kinematics
+from physique.commands.feedback import push
 from physique.errors import InputError
 from physique.feedback.pushes import body_error, random_pushes, recovery_time
-from physique.robustness import push
-from physique.run import Run
-from physique.simulation import kinematics
+from physique.runs.run import Run
 from physique.simulation.disturb import Push, simulate_pushed
 
 
@@ -39,9 +39,7 @@ def test_a_push_adds_its_impulse(run: Run) -> None:
     velocity = kinematics.com_velocity(pose.com_jacobian, moved.v)
     gained = character.mass * (velocity[-1] - [0, 0, -9.81 * 0.2])
     np.testing.assert_allclose(gained, [10.0, -5.0, 2.0], rtol=0.02, atol=0.1)
-    np.testing.assert_allclose(
-        moved.joints, kinematics.joint_positions(character, moved.q), atol=1e-12
-    )
+    np.testing.assert_allclose(moved.joints, kinematics.joint_positions(character, moved.q), atol=1e-12)
 
 
 def test_body_error_is_the_mean_distance() -> None:

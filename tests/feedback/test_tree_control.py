@@ -11,12 +11,11 @@ import pytest
 from physique.errors import InputError
 from physique.feedback import growth
 from physique.feedback.choice import DEFAULT, Chooser, distance
-from physique.feedback.connect import Options as ConnectOptions
-from physique.feedback.connect import Trunk, connect, takeover
+from physique.feedback.connect import ConnectOptions, Trunk, connect, takeover
 from physique.feedback.grow import ROUND, Settings, plan
 from physique.feedback.law import Law
 from physique.feedback.tree import Tree, grown
-from physique.run import Run
+from physique.runs.run import Run
 from physique.simulation.closed_loop import Servo
 from physique.simulation.simulator import Simulator
 
@@ -73,22 +72,19 @@ def test_a_branch_leads_from_the_state_to_the_motion(
         np.testing.assert_allclose(data.q, branch.q, atol=1e-9)
         assert branch.parent == min(10 + len(branch.q), trunk.last)
         # The same state one step on is not taken for a fall by the motion's own LQR ...
-        assert (
-            takeover(simulator, trunk, trunk.q[10], trunk.v[10], 10, ConnectOptions()) is not None
-        )
+        assert takeover(simulator, trunk, trunk.q[10], trunk.v[10], 10, ConnectOptions()) is not None
         # ... but a falling one is.
-        assert takeover(
-            simulator, trunk, pushed[0], trunk.v[10] + 4 * np.eye(56)[1], 10, ConnectOptions()
-        ) is None  # fmt: skip
+        assert (
+            takeover(simulator, trunk, pushed[0], trunk.v[10] + 4 * np.eye(56)[1], 10, ConnectOptions())
+            is None
+        )
     chooser = Chooser(Law(Servo(run.character_xml), grown(tree, [branch])), DEFAULT, 1)
     alone = Chooser(Law(Servo(run.character_xml), tree), DEFAULT, 1)
     assert chooser.choose(*pushed, 10).loss <= alone.choose(*pushed, 10).loss + 1e-9
 
 
 def test_the_plan_runs_from_the_end_and_halves(trunk: Trunk) -> None:
-    rounds = plan(
-        Settings(interval=0.2, forces=(50.0, 100.0), trials=ROUND + 2, passes=2), 61, 0.01
-    )
+    rounds = plan(Settings(interval=0.2, forces=(50.0, 100.0), trials=ROUND + 2, passes=2), 61, 0.01)
     assert [r.index for r in rounds] == list(range(len(rounds)))
     frames = [r.frame for r in rounds]
     assert frames[:4] == [40] * 4
@@ -101,9 +97,16 @@ def test_the_plan_runs_from_the_end_and_halves(trunk: Trunk) -> None:
 def grow(run: Run, folder: Path, workers: int = 1, resume: bool = False) -> growth.Growth:
     motion = run.trajectory
     return growth.grow(
-        run.character(), motion.q, motion.v, motion.control, "default", FEW, folder,
-        workers=workers, resume=resume,
-    )  # fmt: skip
+        run.character(),
+        motion.q,
+        motion.v,
+        motion.control,
+        "default",
+        FEW,
+        folder,
+        workers=workers,
+        resume=resume,
+    )
 
 
 def same(a: Tree, b: Tree) -> bool:
@@ -113,12 +116,20 @@ def same(a: Tree, b: Tree) -> bool:
 def test_growth_is_the_same_resumed_and_damaged(
     run: Run, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    told: list[growth.Progress] = []
+    told: list[growth.GrowthProgress] = []
     motion = run.trajectory
     whole = growth.grow(
-        run.character(), motion.q, motion.v, motion.control, "default", FEW, tmp_path / "tree",
-        workers=1, resume=False, progress=told.append,
-    )  # fmt: skip
+        run.character(),
+        motion.q,
+        motion.v,
+        motion.control,
+        "default",
+        FEW,
+        tmp_path / "tree",
+        workers=1,
+        resume=False,
+        progress=told.append,
+    )
     assert whole.tree.branches > 0
     assert told[-1].done == told[-1].total == len(whole.rounds)
     assert told[-1].states == whole.tree.branches
@@ -135,9 +146,16 @@ def test_growth_is_the_same_resumed_and_damaged(
     other = Settings(interval=0.3, forces=(900.0,), trials=3, seed=1)
     with pytest.raises(InputError, match="another growth"):
         growth.grow(
-            run.character(), motion.q, motion.v, motion.control, "default", other,
-            tmp_path / "tree", workers=1, resume=True,
-        )  # fmt: skip
+            run.character(),
+            motion.q,
+            motion.v,
+            motion.control,
+            "default",
+            other,
+            tmp_path / "tree",
+            workers=1,
+            resume=True,
+        )
 
 
 @pytest.mark.slow

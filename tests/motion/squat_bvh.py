@@ -35,14 +35,18 @@ for _name, (_parent, (_x, _y, _z)) in list(PLACES.items()):
         )
 
 _SIDED = {
-    "collar": "Shoulder", "shoulder": "Arm", "elbow": "ForeArm", "wrist": "Hand",
-    "hip": "UpLeg", "knee": "Leg", "ankle": "Foot", "foot": "ToeBase",
-}  # fmt: skip
+    "collar": "Shoulder",
+    "shoulder": "Arm",
+    "elbow": "ForeArm",
+    "wrist": "Hand",
+    "hip": "UpLeg",
+    "knee": "Leg",
+    "ankle": "Foot",
+    "foot": "ToeBase",
+}
 MIXAMO = {"pelvis": "Hips", "spine": "Spine", "chest": "Spine1", "neck": "Neck", "head": "Head"}
 MIXAMO |= {
-    f"{side}_{part}": side.capitalize() + name
-    for side in ("left", "right")
-    for part, name in _SIDED.items()
+    f"{side}_{part}": side.capitalize() + name for side in ("left", "right") for part, name in _SIDED.items()
 }
 
 

@@ -81,9 +81,7 @@ def test_radians(tmp_path: Path) -> None:
     radians = AMC.replace(":DEGREES", ":RADIANS").replace(" 90", f" {np.pi / 2:.12f}")
     first = read_asfamc(write(tmp_path)).rotations
     # The .asf's own angles stay in degrees.
-    np.testing.assert_allclose(
-        read_asfamc(write(tmp_path, amc=radians)).rotations, first, atol=1e-9
-    )
+    np.testing.assert_allclose(read_asfamc(write(tmp_path, amc=radians)).rotations, first, atol=1e-9)
 
 
 def test_the_asf_is_found(tmp_path: Path) -> None:

@@ -67,9 +67,7 @@ def test_the_sign_of_a_quaternion_does_not_matter() -> None:
     cutoff=st.sampled_from([0.5, 8.0, 50.0]),
     seed=st.integers(0, 2**32 - 1),
 )
-def test_short_and_wild_clips_stay_finite_and_unit(
-    frames: int, fps: float, cutoff: float, seed: int
-) -> None:
+def test_short_and_wild_clips_stay_finite_and_unit(frames: int, fps: float, cutoff: float, seed: int) -> None:
     rng = np.random.default_rng(seed)
     motion = swing(frames, fps, 1.0, 10.0)
     wild = rot.normalize(rng.normal(size=motion.rotations.shape))

@@ -94,8 +94,7 @@ def test_crawling_lies_on_the_floor() -> None:
 
 
 @pytest.mark.parametrize(
-    ("path", "slope"),
-    [("07/07_01.amc", 0.95), ("07/07_05.amc", 0.95), ("02/02_01.amc", 0.85)],
+    ("path", "slope"), [("07/07_01.amc", 0.95), ("07/07_05.amc", 0.95), ("02/02_01.amc", 0.85)]
 )
 def test_the_known_tilt_of_real_floors_is_found(mocap: Path, path: str, slope: float) -> None:
     """The lab's floor rises by about a degree along one axis: the file axis Z."""

@@ -133,14 +133,21 @@ def test_reading_is_deterministic() -> None:
 
 REAL = {
     "cmu/asfamc/02/02_02.amc": None,
-    "cmu/asfamc/02/02_03.amc": None, "cmu/asfamc/02/02_04.amc": None,
-    "cmu/asfamc/07/07_04.amc": None, "cmu/asfamc/09/09_06.amc": None,
+    "cmu/asfamc/02/02_03.amc": None,
+    "cmu/asfamc/02/02_04.amc": None,
+    "cmu/asfamc/07/07_04.amc": None,
+    "cmu/asfamc/09/09_06.amc": None,
     "cmu/bvh/131_01_max.bvh": None,
-    "cmu/bvh/135_04.bvh": None, "cmu/bvh/135_07.bvh": None, "cmu/bvh/60_01.bvh": 60.0,
-    "cmu/bvh/60_06.bvh": 60.0, "cmu/bvh/jumping_jacks_30fps.bvh": None,
-    "other/iclone_007_12.bvh": None, "other/jumping.bvh": None, "other/wave_hello.bvh": None,
+    "cmu/bvh/135_04.bvh": None,
+    "cmu/bvh/135_07.bvh": None,
+    "cmu/bvh/60_01.bvh": 60.0,
+    "cmu/bvh/60_06.bvh": 60.0,
+    "cmu/bvh/jumping_jacks_30fps.bvh": None,
+    "other/iclone_007_12.bvh": None,
+    "other/jumping.bvh": None,
+    "other/wave_hello.bvh": None,
     "malformed/lower.bvh": None,
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("path", REAL)
@@ -149,9 +156,7 @@ def test_real_files(mocap: Path, path: str) -> None:
     check(motion)
     world, places = motion_world(motion)
     assert motion.contacts.any(axis=0).all()
-    for side, (ball, ankle) in enumerate(
-        (("left_foot", "left_ankle"), ("right_foot", "right_ankle"))
-    ):
+    for side, (ball, ankle) in enumerate((("left_foot", "left_ankle"), ("right_foot", "right_ankle"))):
         stand = motion.contacts[:, side]
         assert abs(np.median(places[stand, INDEX[ball], 2]) - ground.BALL_HEIGHT) < 0.012
         slide = ground.speeds(places[:, INDEX[ball]], motion.fps)[stand]

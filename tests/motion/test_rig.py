@@ -96,12 +96,7 @@ def test_unknown_skeleton_lists_joints_and_remedy(tmp_path: Path) -> None:
 
     # A mapping file makes it readable.
     names = convention.names
-    lines = [
-        'up = "y"',
-        "unit = 0.01",
-        "[joints]",
-        f'spine = ["{names["spine"]}", "{names["chest"]}"]',
-    ]
+    lines = ['up = "y"', "unit = 0.01", "[joints]", f'spine = ["{names["spine"]}", "{names["chest"]}"]']
     lines += [f'{k} = "{v}"' for k, v in names.items() if k not in ("spine", "chest")]
     mapping = tmp_path / "odd.toml"
     mapping.write_text("\n".join(lines))
@@ -139,9 +134,7 @@ def test_absurd_units_are_refused(tmp_path: Path, units_per_meter: float) -> Non
         read_motion(path)
 
 
-def test_an_unusual_unit_is_scaled_and_said(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_an_unusual_unit_is_scaled_and_said(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     path = tmp_path / "squat.bvh"
     write_squat(path, Convention(units_per_meter=26.0))
     with caplog.at_level(logging.WARNING, logger="physique.motion"):
@@ -153,9 +146,7 @@ def test_an_unusual_unit_is_scaled_and_said(
 def test_swapped_sides_are_refused(tmp_path: Path) -> None:
     convention = Convention()
     convention.names = {
-        key: convention.names[
-            key.replace("left", "x").replace("right", "left").replace("x", "right")
-        ]
+        key: convention.names[key.replace("left", "x").replace("right", "left").replace("x", "right")]
         for key in convention.names
     }
     path = tmp_path / "swapped.bvh"
@@ -165,8 +156,15 @@ def test_swapped_sides_are_refused(tmp_path: Path) -> None:
 
 
 def test_names_are_compared_without_prefixes() -> None:
-    for name in ("mixamorig:LeftArm", "mixamorig1_LeftArm", "Character1_LeftArm", "ns:left_arm",
-                 "LeftArm", "Left Arm", "LEFT-ARM"):  # fmt: skip
+    for name in (
+        "mixamorig:LeftArm",
+        "mixamorig1_LeftArm",
+        "Character1_LeftArm",
+        "ns:left_arm",
+        "LeftArm",
+        "Left Arm",
+        "LEFT-ARM",
+    ):
         assert plain_name(name) == "leftarm", name
     assert plain_name("Bip01 L Thigh") == plain_name("Bip001 L Thigh") == "lthigh"
     assert plain_name("CC_Base_L_Thigh") == "lthigh"
@@ -210,8 +208,11 @@ def test_real_skeletons_keep_their_joints_in_place(
     tpose = find_tpose(clip, mapping, joints)
     places = joint_positions(rig.to_motion(clip, joints, tpose))
     theirs = clip_world(clip)[1] @ tpose.R_file_from_world * tpose.meters
-    compared = [j for j in joints if j.split("_")[-1] in
-                ("hip", "knee", "ankle", "foot", "shoulder", "elbow", "wrist")]  # fmt: skip
+    compared = [
+        j
+        for j in joints
+        if j.split("_")[-1] in ("hip", "knee", "ankle", "foot", "shoulder", "elbow", "wrist")
+    ]
     assert len(compared) >= 12
     for joint in compared:
         error = np.linalg.norm(places[:, INDEX[joint]] - theirs[:, joints[joint][0]], axis=-1)

@@ -6,13 +6,14 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from physique.simulation import kinematics, state
-from physique.simulation.character import Character
+from physique.character import kinematics, state
+from physique.character.model import Character
+from physique.character.servo import within_limits
+from physique.character.soles import sole_points
+from physique.character.start import start_state
+from physique.reference.reference import Reference
 from physique.simulation.ground_reaction import ground_reaction
-from physique.simulation.rollout import Rollout, simulate, within_limits
-from physique.simulation.soles import sole_points
-from physique.simulation.start import start_state
-from physique.tracking.reference import Reference
+from physique.simulation.rollout import Rollout, simulate
 
 Array = NDArray[np.float64]
 
@@ -32,14 +33,12 @@ def played(character: Character, walk: Reference, first: int, steps: int) -> Rol
 def com_acceleration(character: Character, made: Rollout) -> Array:
     """(N, 3) m/s2 that each step gives the centre of mass: J dv / dt + dJ/dt v."""
     q, v, h = made.q[:-1], made.v[:-1], 1e-6
-    ahead, behind = (
-        kinematics.com_jacobian(character, state.integrate(q, sign * h * v)) for sign in (1, -1)
-    )
+    ahead, behind = (kinematics.com_jacobian(character, state.integrate(q, sign * h * v)) for sign in (1, -1))
     dt = float(character.model.opt.timestep)
     change = np.diff(made.v, axis=0) / dt
-    return kinematics.com_velocity(
-        kinematics.com_jacobian(character, q), change
-    ) + kinematics.com_velocity((ahead - behind) / (2 * h), v)
+    return kinematics.com_velocity(kinematics.com_jacobian(character, q), change) + kinematics.com_velocity(
+        (ahead - behind) / (2 * h), v
+    )
 
 
 def test_mass_times_acceleration_is_weight_and_floor(character: Character, walk: Reference) -> None:
@@ -56,9 +55,13 @@ def test_a_body_that_stands_weighs_on_its_soles(character: Character, walk: Refe
     q[:3], q[3] = character.body.joints[0], 1.0
     rest = q[7:].copy()
     made = simulate(
-        character, mujoco.MjData(character.model), q, np.zeros(56), 40,
+        character,
+        mujoco.MjData(character.model),
+        q,
+        np.zeros(56),
+        40,
         lambda t, q, v: within_limits(character, rest, q, v),
-    )  # fmt: skip
+    )
     floor = ground_reaction(character, made.q, made.v, made.control)
     weight = character.mass * 9.81
     # After the landing's tremor, over the last quarter of a second.
@@ -85,8 +88,12 @@ def test_other_parts_are_counted_apart(character: Character) -> None:
     q = np.zeros(57)
     q[2], q[3:7] = 0.25, [np.sqrt(0.5), 0.0, -np.sqrt(0.5), 0.0]
     made = simulate(
-        character, mujoco.MjData(character.model), q, np.zeros(56), 60,
+        character,
+        mujoco.MjData(character.model),
+        q,
+        np.zeros(56),
+        60,
         lambda t, q, v: within_limits(character, np.zeros(50), q, v),
-    )  # fmt: skip
+    )
     floor = ground_reaction(character, made.q, made.v, made.control)
     assert floor.other[-20:, 2].mean() > 0.5 * character.mass * 9.81

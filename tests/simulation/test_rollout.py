@@ -6,11 +6,12 @@ import mujoco
 import numpy as np
 import pytest
 
-from physique.simulation.character import Character
-from physique.simulation.kinematics import com_velocity, poses
-from physique.simulation.rollout import Rollout, pd_torque, simulate, within_limits
+from physique.character.kinematics import com_velocity, poses
+from physique.character.model import Character
+from physique.character.servo import pd_torque, within_limits
+from physique.reference.reference import Reference
+from physique.simulation.rollout import Rollout, simulate
 from physique.simulation.simulator import Simulator
-from physique.tracking.reference import Reference
 
 STEPS = 40
 
@@ -25,24 +26,17 @@ def controls(walk: Reference) -> np.ndarray:
 def singles(character: Character, walk: Reference, controls: np.ndarray) -> list[Rollout]:
     data = mujoco.MjData(character.model)
     return [
-        simulate(character, data, walk.q[20], walk.v[20], STEPS, lambda t, q, v, u=u: u[t])
-        for u in controls
+        simulate(character, data, walk.q[20], walk.v[20], STEPS, lambda t, q, v, u=u: u[t]) for u in controls
     ]
 
 
 @pytest.mark.parametrize("threads", [1, 2])
 def test_many_are_the_single_one(
-    character: Character,
-    walk: Reference,
-    controls: np.ndarray,
-    singles: list[Rollout],
-    threads: int,
+    character: Character, walk: Reference, controls: np.ndarray, singles: list[Rollout], threads: int
 ) -> None:
     with Simulator(character, threads) as simulator:
         many = simulator.run_open_loop(walk.q[20], walk.v[20], controls)
-        again = simulator.run(
-            walk.q[20], walk.v[20], STEPS, [lambda t, q, v, u=u: u[t] for u in controls]
-        )
+        again = simulator.run(walk.q[20], walk.v[20], STEPS, [lambda t, q, v, u=u: u[t] for u in controls])
         assert simulator.steps == len(controls) * (2 * STEPS + 1)
     for i, single in enumerate(singles):
         expected = (single.q, single.v, single.com, single.com_velocity)
@@ -60,9 +54,8 @@ def test_any_frame_can_be_resumed(character: Character, singles: list[Rollout]) 
     whole = singles[0]
     data = mujoco.MjData(character.model)
     rest = simulate(
-        character, data, whole.q[15], whole.v[15], STEPS - 15,
-        lambda t, q, v: whole.control[15 + t],
-    )  # fmt: skip
+        character, data, whole.q[15], whole.v[15], STEPS - 15, lambda t, q, v: whole.control[15 + t]
+    )
     assert np.array_equal(rest.q, whole.q[15:])
     assert np.array_equal(rest.v, whole.v[15:])
 

@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from physique import rotations, skeleton
-from physique.export.skin import joint_transforms
-from physique.simulation import kinematics
-from physique.simulation.character import Character
+from physique.character import kinematics
+from physique.character.model import Character
+from physique.reference.reference import Reference
+from physique.render.skin import joint_transforms
 from physique.simulation.rollout import simulate
 from physique.simulation.session import NEAR_MISS, Push, Session
-from physique.tracking.reference import Reference
 
 Array = NDArray[np.float64]
 HEAD, CHEST, PELVIS = (skeleton.INDEX[name] for name in ("head", "spine3", "pelvis"))
@@ -72,10 +72,7 @@ def test_without_a_push_it_is_the_roll_out(character: Character, walk: Reference
     point=st.tuples(*[st.floats(-0.2, 0.2)] * 3),
 )
 def test_a_step_of_a_push_gives_its_impulse_exactly(
-    in_the_air: tuple[Session, Session],
-    part: int,
-    impulse: tuple[float, ...],
-    point: tuple[float, ...],
+    in_the_air: tuple[Session, Session], part: int, impulse: tuple[float, ...], point: tuple[float, ...]
 ) -> None:
     """Against the same step without it, whichever point is pushed: the gain of momentum is the
     impulse, that of angular momentum about a fixed point is lever x impulse."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from physique.simulation.character import Character
+from physique.character.model import Character
+from physique.reference.reference import Reference
 from physique.simulation.rollout import Rollout
 from physique.tracking.problem import Problem, nominal_motion
-from physique.tracking.reference import Reference
 
 
 @pytest.fixture(scope="session")

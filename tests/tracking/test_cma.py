@@ -14,10 +14,10 @@ from physique.tracking import cma
 from physique.tracking.problem import Problem, Solution
 from physique.tracking.spline import knot_matrix
 
-SMALL = cma.Options(samples=16, iterations=4, sigma=0.05)
+SMALL = cma.CmaOptions(samples=16, iterations=4, sigma=0.05)
 
 
-def solve(problem: Problem, nominal: Rollout, options: cma.Options, threads: int = 1) -> Solution:
+def solve(problem: Problem, nominal: Rollout, options: cma.CmaOptions, threads: int = 1) -> Solution:
     with Simulator(problem.character, threads) as simulator:
         return cma.solve(problem, simulator, nominal, options)
 
@@ -28,15 +28,13 @@ def small(problem: Problem, nominal: Rollout) -> Solution:
 
 
 def test_defaults_are_the_papers() -> None:
-    options = cma.Options()
+    options = cma.CmaOptions()
     assert options.samples * options.iterations == 400_000
     assert (options.sigma, options.knots_per_window) == (0.3, 6)
     assert not options.warm_start
 
 
-def test_same_bits_on_two_threads_and_again(
-    problem: Problem, nominal: Rollout, small: Solution
-) -> None:
+def test_same_bits_on_two_threads_and_again(problem: Problem, nominal: Rollout, small: Solution) -> None:
     np.random.seed(1)  # noqa: NPY002  (the global generator must not matter)
     other = solve(problem, nominal, SMALL, threads=2)
     assert other.history == small.history
@@ -55,9 +53,7 @@ def test_the_global_generator_is_left_alone(problem: Problem, nominal: Rollout) 
 def test_solution_is_what_its_controls_do(problem: Problem, small: Solution) -> None:
     control = small.rollout.control
     with Simulator(problem.character, 1) as simulator:
-        again = simulator.run(
-            problem.q0, problem.v0, problem.steps, [lambda t, q, v: control[t]]
-        )[0]  # fmt: skip
+        again = simulator.run(problem.q0, problem.v0, problem.steps, [lambda t, q, v: control[t]])[0]
     assert np.array_equal(again.q, small.rollout.q)
     assert small.cost == problem.cost(small.rollout)
     assert small.cost == pytest.approx(small.history[-1], rel=1e-12)
@@ -67,13 +63,9 @@ def test_solution_is_what_its_controls_do(problem: Problem, small: Solution) -> 
     np.testing.assert_allclose(matrix @ knots, control, atol=1e-10)
 
 
-def test_starts_at_zero_and_never_gets_worse(
-    problem: Problem, nominal: Rollout, small: Solution
-) -> None:
+def test_starts_at_zero_and_never_gets_worse(problem: Problem, nominal: Rollout, small: Solution) -> None:
     with Simulator(problem.character, 1) as simulator:
-        zero = simulator.run(
-            problem.q0, problem.v0, problem.steps, [lambda t, q, v: np.zeros(50)]
-        )[0]  # fmt: skip
+        zero = simulator.run(problem.q0, problem.v0, problem.steps, [lambda t, q, v: np.zeros(50)])[0]
     assert small.history[0] == pytest.approx(problem.cost(zero), rel=1e-12)
     assert all(b <= a for a, b in zip(small.history, small.history[1:]))
     assert small.history[-1] < small.history[0]
@@ -94,7 +86,7 @@ def test_warm_start_begins_at_the_nominal_controls(problem: Problem, nominal: Ro
 
 
 def test_it_descends(problem: Problem, nominal: Rollout) -> None:
-    options = cma.Options(samples=12, iterations=25, sigma=0.02, warm_start=True)
+    options = cma.CmaOptions(samples=12, iterations=25, sigma=0.02, warm_start=True)
     solution = solve(problem, nominal, options)
     assert solution.cost < 0.8 * solution.history[0]
     assert solution.status == "iterations"
@@ -103,4 +95,4 @@ def test_it_descends(problem: Problem, nominal: Rollout) -> None:
 @pytest.mark.parametrize(("option", "value"), [("samples", 1), ("iterations", 0), ("sigma", 0.0)])
 def test_impossible_options_are_refused(option: str, value: float) -> None:
     with pytest.raises(InputError, match=option):
-        cma.Options(**{option: value})
+        cma.CmaOptions(**{option: value})

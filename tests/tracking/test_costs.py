@@ -11,15 +11,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from physique import rotations
+from physique.character.hinges import HINGES
+from physique.character.kinematics import com_velocity, poses
+from physique.character.model import Character
+from physique.character.state import integrate
+from physique.commands.inputs import parse_weights
 from physique.errors import InputError
-from physique.inputs import parse_weights
-from physique.simulation.character import Character
-from physique.simulation.hinges import HINGES
-from physique.simulation.kinematics import com_velocity, poses
-from physique.simulation.state import integrate
+from physique.reference.reference import Reference
+from physique.reference.target import MOST, TERMS, Target, Weights, joint_weights
 from physique.tracking import costs
-from physique.tracking.costs import TERMS, Quadratic, Target, Weights
-from physique.tracking.reference import Reference
+from physique.tracking.costs import Quadratic
 
 H = 0.01
 
@@ -85,9 +86,7 @@ def test_a_batch_is_its_members(character: Character, target: Target) -> None:
 
 
 def test_the_target_itself_costs_only_its_accelerations(target: Target) -> None:
-    terms = costs.evaluate(
-        Weights(), target, target.q, target.v, target.com, target.com_velocity, H
-    )
+    terms = costs.evaluate(Weights(), target, target.q, target.v, target.com, target.com_velocity, H)
     assert terms["acceleration"] > 0
     assert all(terms[name] < 1e-12 for name in TERMS if name != "acceleration")
 
@@ -100,9 +99,7 @@ def test_a_quaternion_may_have_either_sign(character: Character, target: Target)
     assert other == pytest.approx(float(one), rel=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("angle", "tolerance"), [(1e-9, 1e-6), (1e-4, 1e-9), (1.0, 1e-12), (3.0, 1e-12)]
-)
+@pytest.mark.parametrize(("angle", "tolerance"), [(1e-9, 1e-6), (1e-4, 1e-9), (1.0, 1e-12), (3.0, 1e-12)])
 def test_root_term_is_half_the_angle(target: Target, angle: float, tolerance: float) -> None:
     # acos of an inner product loses all digits of an angle of 1e-9; this must not.
     q = target.q.copy()
@@ -113,21 +110,14 @@ def test_root_term_is_half_the_angle(target: Target, angle: float, tolerance: fl
 
 
 def model(
-    character: Character,
-    target: Target,
-    weights: Weights,
-    q: np.ndarray,
-    v: np.ndarray,
-    kink: float,
+    character: Character, target: Target, weights: Weights, q: np.ndarray, v: np.ndarray, kink: float
 ) -> Quadratic:
     q, v, com, velocity = motion(character, q, v)
     jacobian = poses(character, q).com_jacobian
     return costs.expand(weights, target, q, v, com, velocity, jacobian, kink)
 
 
-def frame_cost(
-    character: Character, target: Target, weights: Weights, q: np.ndarray, v: np.ndarray
-) -> float:
+def frame_cost(character: Character, target: Target, weights: Weights, q: np.ndarray, v: np.ndarray) -> float:
     return float(costs.total(costs.evaluate(weights, target, *motion(character, q, v), H)))
 
 
@@ -146,8 +136,7 @@ def test_gradient_by_differences(character: Character, target: Target) -> None:
         d = np.zeros(112)
         d[i] = h
         ends = [
-            frame_cost(character, frame, weights, integrate(q, s * d[:56]), v + s * d[56:])
-            for s in (1, -1)
+            frame_cost(character, frame, weights, integrate(q, s * d[:56]), v + s * d[56:]) for s in (1, -1)
         ]
         return (ends[0] - ends[1]) / (2 * h)
 
@@ -184,11 +173,11 @@ def test_hessian_is_positive_semidefinite(character: Character, target: Target) 
 
 
 @settings(deadline=None)
-@given(st.dictionaries(st.sampled_from(TERMS), st.floats(0, costs.MOST)))
+@given(st.dictionaries(st.sampled_from(TERMS), st.floats(0, MOST)))
 def test_weights_of_texts(changed: dict[str, float]) -> None:
     found = parse_weights([f"{name}={value!r}" for name, value in changed.items()])
     assert found.terms == Weights().terms | changed
-    assert np.array_equal(found.joints, costs.joint_weights())
+    assert np.array_equal(found.joints, joint_weights())
 
 
 @pytest.mark.parametrize(

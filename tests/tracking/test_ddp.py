@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag, solve_discrete_are
 
-from physique.simulation.linearize import Linearization
+from physique.character.state import integrate
+from physique.derivatives.linearize import Linearization
 from physique.simulation.rollout import Rollout
 from physique.simulation.simulator import Simulator
-from physique.simulation.state import integrate
 from physique.tracking import ddp
-from physique.tracking.backward import Policy, backward
+from physique.tracking.backward import LinearPolicy, backward
 from physique.tracking.costs import Quadratic
 from physique.tracking.problem import Problem, Solution
 
@@ -35,22 +35,27 @@ def toy(
     rng = np.random.default_rng(seed)
     q = np.tile(problem.q0, (steps + 1, 1))
     rollout = Rollout(
-        q=q, v=np.zeros((steps + 1, 56)), control=np.zeros((steps, NU)),
-        torque=np.zeros((steps, NU)), com=np.zeros((steps + 1, 3)),
-        com_velocity=np.zeros((steps + 1, 3)), diverged=False,
-    )  # fmt: skip
+        q=q,
+        v=np.zeros((steps + 1, 56)),
+        control=np.zeros((steps, NU)),
+        torque=np.zeros((steps, NU)),
+        com=np.zeros((steps + 1, 3)),
+        com_velocity=np.zeros((steps + 1, 3)),
+        diverged=False,
+    )
     # A timestep of 1 couples positions to velocities as strongly as the rest.
     turn = 0.3 * rng.normal(size=(2, 3, 3))
     mass = np.eye(56) + 0.1 * rng.normal(size=(56, 56))
     linear = Linearization(
-        q=integrate(q[1:], gaps[:, :56]), v=gaps[:, 56:],
+        q=integrate(q[1:], gaps[:, :56]),
+        v=gaps[:, 56:],
         mass=np.tile(mass, (steps, 1, 1)),
         drive=np.tile(rng.normal(size=(56, NX)) / np.sqrt(NX), (steps, 1, 1)),
         gain=np.tile(1 + rng.uniform(size=NU), (steps, 1)),
         transport=np.tile(np.eye(3) + turn[0], (steps, 1, 1)),
         rotation=np.tile(np.eye(3) + turn[1], (steps, 1, 1)),
         timestep=0.5,
-    )  # fmt: skip
+    )
     root = rng.normal(size=(steps + 1, 2, 56, 56)) / np.sqrt(56)
     hessian = root @ np.swapaxes(root, -1, -2) + 0.1 * np.eye(56)
     # Small enough that no torque limit is in reach.
@@ -174,7 +179,7 @@ def test_it_plans_with_the_limits_of_the_others(problem: Problem) -> None:
 
 def solve(problem: Problem, nominal: Rollout, threads: int) -> tuple[Solution, int]:
     with Simulator(problem.character, threads) as simulator:
-        solution = ddp.solve(problem, simulator, nominal, ddp.Options(iterations=8))
+        solution = ddp.solve(problem, simulator, nominal, ddp.DdpOptions(iterations=8))
         return solution, simulator.steps
 
 
@@ -188,9 +193,9 @@ def test_it_lowers_the_cost_of_a_walk(
 ) -> None:
     solution, steps = solved
     with Simulator(problem.character, 1) as simulator:
-        replayed = simulator.run(
-            problem.q0, problem.v0, problem.steps, [lambda t, q, v: nominal.control[t]]
-        )[0]  # fmt: skip
+        replayed = simulator.run(problem.q0, problem.v0, problem.steps, [lambda t, q, v: nominal.control[t]])[
+            0
+        ]
     assert solution.cost < 0.3 * problem.cost(replayed)
     assert solution.cost < 0.8 * solution.history[0]
     assert all(b < a for a, b in zip(solution.history, solution.history[1:]))
@@ -201,33 +206,25 @@ def test_it_lowers_the_cost_of_a_walk(
     assert np.linalg.norm(away, axis=1).max() < 0.05
 
 
-def test_its_controls_alone_replay_the_motion(
-    problem: Problem, solved: tuple[Solution, int]
-) -> None:
+def test_its_controls_alone_replay_the_motion(problem: Problem, solved: tuple[Solution, int]) -> None:
     best = solved[0].rollout
     with Simulator(problem.character, 1) as simulator:
-        again = simulator.run(
-            problem.q0, problem.v0, problem.steps, [lambda t, q, v: best.control[t]]
-        )[0]  # fmt: skip
+        again = simulator.run(problem.q0, problem.v0, problem.steps, [lambda t, q, v: best.control[t]])[0]
     assert np.array_equal(again.q, best.q)
     assert np.array_equal(again.v, best.v)
     assert problem.cost(again) == solved[0].cost == solved[0].history[-1]
 
 
-def test_same_bits_on_two_threads(
-    problem: Problem, nominal: Rollout, solved: tuple[Solution, int]
-) -> None:
+def test_same_bits_on_two_threads(problem: Problem, nominal: Rollout, solved: tuple[Solution, int]) -> None:
     other, steps = solve(problem, nominal, 2)
     assert other.history == solved[0].history
     assert np.array_equal(other.rollout.q, solved[0].rollout.q)
     assert steps == solved[1]
 
 
-def test_hard_windows_are_searched_again_and_the_best_is_kept(
-    problem: Problem, nominal: Rollout
-) -> None:
+def test_hard_windows_are_searched_again_and_the_best_is_kept(problem: Problem, nominal: Rollout) -> None:
     restarts = ((30.0, 0.3), (0.3, 1.0))
-    alone = ddp.Options(iterations=4, restarts=())
+    alone = ddp.DdpOptions(iterations=4, restarts=())
     costs, steps = [], 0
     with Simulator(problem.character, 1) as simulator:
         for damping, kink in restarts:
@@ -246,14 +243,12 @@ def test_hard_windows_are_searched_again_and_the_best_is_kept(
     assert (easy.cost, easy.steps) == (first.cost, first.steps)
 
 
-def test_the_policy_with_no_step_repeats_the_motion(
-    problem: Problem, solved: tuple[Solution, int]
-) -> None:
+def test_the_policy_with_no_step_repeats_the_motion(problem: Problem, solved: tuple[Solution, int]) -> None:
     best = solved[0].rollout
     gain = 1e-3 * np.random.default_rng(0).normal(size=(problem.steps, NU, NX))
-    policy = Policy(np.ones((problem.steps, NU)), gain, 0.0)
+    policy = LinearPolicy(np.ones((problem.steps, NU)), gain, 0.0)
     with Simulator(problem.character, 1) as simulator:
         again = simulator.run(
             problem.q0, problem.v0, problem.steps, [ddp.closed_loop(problem, best, policy, 0.0)]
-        )[0]  # fmt: skip
+        )[0]
     np.testing.assert_allclose(again.q, best.q, atol=1e-6)

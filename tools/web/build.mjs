@@ -6,7 +6,7 @@ import { fileURLToPath } from "node:url";
 import esbuild from "esbuild";
 
 const here = (path) => fileURLToPath(new URL(path, import.meta.url));
-const out = here("../../src/physique/view/static/stage.min.js");
+const out = here("../../src/physique/report/static/stage.min.js");
 const { devDependencies } = JSON.parse(await readFile(here("package.json"), "utf8"));
 // The test suite compares this with the source, so that the bundle cannot be forgotten.
 const digest = createHash("sha256").update(await readFile(here("stage.js"))).digest("hex");

@@ -149,17 +149,11 @@ def _check(source: Path, data: dict[str, Array]) -> None:
     if abs(float(data["part_mass"].sum()) - float(data["mass"])) > 1e-6 * float(data["mass"]):
         fail("part_mass", f"a sum of {data['part_mass'].sum():g} kg", f"{data['mass']:g} kg")
     moments = np.linalg.eigvalsh(data["part_inertia"].astype(float))
-    if (
-        not (moments[:, 0] > 0).all()
-        or (moments[:, 0] + moments[:, 1] < moments[:, 2] * (1 - 1e-9)).any()
-    ):
+    if not (moments[:, 0] > 0).all() or (moments[:, 0] + moments[:, 1] < moments[:, 2] * (1 - 1e-9)).any():
         expected = "positive, each at most the sum of the others"
         fail("part_inertia", "moments that no rigid body can have", expected)
     turn = data["part_rotation"].astype(float)
-    if (
-        np.abs(turn @ turn.transpose(0, 2, 1) - np.eye(3)).max() > 1e-6
-        or (np.linalg.det(turn) < 0).any()
-    ):
+    if np.abs(turn @ turn.transpose(0, 2, 1) - np.eye(3)).max() > 1e-6 or (np.linalg.det(turn) < 0).any():
         fail("part_rotation", "a matrix that is no rotation", "rotations")
     if "weights" in layout and np.abs(data["weights"].sum(axis=1) - 1.0).max() > 1e-3:
         fail("weights", "rows that do not sum to 1", "rows that sum to 1")

@@ -12,13 +12,7 @@ from threadpoolctl import threadpool_limits
 from physique.body.capsule_energy import BOXES, CAPSULES, ELLIPSOIDS, SIZES, SOFT, Energy, changed
 from physique.body.mesh import BodyMesh
 from physique.body.primitives import Primitive, signed_distance
-from physique.body.segments import (
-    FLIP,
-    SurfacePoints,
-    is_symmetric,
-    principal_axes,
-    surface_points,
-)
+from physique.body.segments import FLIP, SurfacePoints, is_symmetric, principal_axes, surface_points
 from physique.skeleton import INDEX, JOINTS, MIRROR, PARENTS
 
 Array = NDArray[np.float64]
@@ -49,11 +43,13 @@ def _fit(mesh: BodyMesh) -> tuple[Primitive, ...]:
     surface = surface_points(mesh)
     own = [_part(surface, i) for i in range(len(JOINTS))]
     start = [
-        _box(mesh, name, own) if name in BOXES
-        else _ellipsoid(name, own[i]) if name in ELLIPSOIDS
+        _box(mesh, name, own)
+        if name in BOXES
+        else _ellipsoid(name, own[i])
+        if name in ELLIPSOIDS
         else _capsule(mesh, name, own[i])
         for i, name in enumerate(JOINTS)
-    ]  # fmt: skip
+    ]
     symmetric = is_symmetric(mesh)
     if symmetric:
         start = _symmetric(start)
@@ -138,8 +134,9 @@ def _ellipsoid(name: str, own: _Own) -> Primitive:
     def residual(x: Array) -> Array:
         return signed_distance(solid(x), own.points)
 
-    fit = least_squares(residual, np.ones(3), bounds=(0.7, 1.2), method="dogbox", loss="soft_l1",
-                        f_scale=SOFT)  # fmt: skip
+    fit = least_squares(
+        residual, np.ones(3), bounds=(0.7, 1.2), method="dogbox", loss="soft_l1", f_scale=SOFT
+    )
     return solid(fit.x)
 
 
@@ -174,8 +171,13 @@ def _box(mesh: BodyMesh, name: str, own: list[_Own]) -> Primitive:
         return np.sqrt(mine.area) * signed_distance(box(float(top[0])), mine.points)
 
     highest = float(here[:, 2].max())
-    fit = least_squares(residual, [0.6 * highest], bounds=(0.2 * highest, highest), loss="soft_l1",
-                        f_scale=SOFT * np.sqrt(mine.area.mean()))  # fmt: skip
+    fit = least_squares(
+        residual,
+        [0.6 * highest],
+        bounds=(0.2 * highest, highest),
+        loss="soft_l1",
+        f_scale=SOFT * np.sqrt(mine.area.mean()),
+    )
     return box(float(fit.x[0]))
 
 
@@ -204,9 +206,17 @@ def _fit_together(
         return np.concatenate([energy.at(x)[1], np.diag(pull)])
 
     fit = least_squares(
-        residual, x0, jacobian, bounds=(lower, upper), method="dogbox", loss="soft_l1",
-        f_scale=energy.soft, max_nfev=20, ftol=1e-3, xtol=1e-4,
-    )  # fmt: skip
+        residual,
+        x0,
+        jacobian,
+        bounds=(lower, upper),
+        method="dogbox",
+        loss="soft_l1",
+        f_scale=energy.soft,
+        max_nfev=20,
+        ftol=1e-3,
+        xtol=1e-4,
+    )
     return energy.solids(fit.x)
 
 

@@ -57,25 +57,35 @@ def make_body(
     reachable range.
     """
     fixed = _checked_phenotype(sex, age, muscle, proportions)
-    _check_number("height", height, "metres", "stature between 0.5 and 3", 0.5, 3.0,
-                  "give the stature in metres, e.g. 1.75")  # fmt: skip
-    _check_number("mass", mass, "kilograms", "mass between 5 and 500", 5.0, 500.0,
-                  "give the mass in kilograms, e.g. 75")  # fmt: skip
+    _check_number(
+        "height",
+        height,
+        "metres",
+        "stature between 0.5 and 3",
+        0.5,
+        3.0,
+        "give the stature in metres, e.g. 1.75",
+    )
+    _check_number(
+        "mass", mass, "kilograms", "mass between 5 and 500", 5.0, 500.0, "give the mass in kilograms, e.g. 75"
+    )
     who = f"{sex}, {age:g} years" + ("" if muscle is None else f", muscle {muscle:g}")
     statures = reachable_height(sex, age, muscle=muscle, proportions=proportions)
     if height not in statures:
         raise InputError(
-            "height", f"{height:g} m",
+            "height",
+            f"{height:g} m",
             f"{statures.low:.2f} to {statures.high:.2f} m for this body ({who})",
             "choose a stature in that range or another age",
-        )  # fmt: skip
+        )
     masses = reachable_mass(sex, height, age, muscle=muscle, proportions=proportions)
     if mass not in masses:
         raise InputError(
-            "mass", f"{mass:g} kg",
+            "mass",
+            f"{mass:g} kg",
             f"{masses.low:.1f} to {masses.high:.1f} kg for this body ({who}, {height:g} m)",
             "choose a mass in that range" + ("" if muscle is None else ", or leave out muscle"),
-        )  # fmt: skip
+        )
     along = _mass_path(fixed, muscle, height)
     low, high = _path_ends(muscle)
     s = brentq(lambda s: along(s)[1] - mass, low, high, xtol=1e-6)
@@ -90,19 +100,13 @@ def reachable_height(
     fixed = _checked_phenotype(sex, age, muscle, proportions)
     low, high = _path_ends(muscle)
     ends = [
-        [stature_and_volume(_build(fixed, muscle, s, h))[0] for s in (low, 0.0, high)]
-        for h in (0.0, 1.0)
+        [stature_and_volume(_build(fixed, muscle, s, h))[0] for s in (low, 0.0, high)] for h in (0.0, 1.0)
     ]
     return Range(max(ends[0]), min(ends[1]))
 
 
 def reachable_mass(
-    sex: Sex,
-    height: float,
-    age: float = 25.0,
-    *,
-    muscle: float | None = None,
-    proportions: float = 0.5,
+    sex: Sex, height: float, age: float = 25.0, *, muscle: float | None = None, proportions: float = 0.5
 ) -> Range:
     """Masses, kg, that `make_body` reaches at this stature with these choices."""
     along = _mass_path(_checked_phenotype(sex, age, muscle, proportions), muscle, height)
@@ -151,8 +155,9 @@ def _mass_path(
 def _checked_phenotype(sex: str, age: float, muscle: float | None, proportions: float) -> Phenotype:
     if sex not in SEXES:
         raise InputError("sex", repr(sex), "one of " + ", ".join(SEXES), "choose one of these")
-    _check_number("age", age, "years", f"{AGES[0]:g} to {AGES[-1]:g}", AGES[0], AGES[-1],
-                  "choose an age in that range")  # fmt: skip
+    _check_number(
+        "age", age, "years", f"{AGES[0]:g} to {AGES[-1]:g}", AGES[0], AGES[-1], "choose an age in that range"
+    )
     for label, value in (("muscle", muscle), ("proportions", proportions)):
         if value is not None:
             _check_number(label, value, "", "0 to 1", 0.0, 1.0, "choose a value in that range")

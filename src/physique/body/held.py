@@ -83,9 +83,11 @@ def parse_held(text: str, hand: Hand = "right") -> Held:
     for number, unit, wanted in ((mass, mass_unit, "kg"), (size, size_unit, "m")):
         if number is not None and unit != wanted:
             raise InputError(
-                f"held object {text!r}", f"{number} {unit}" if unit else f"{number} without a unit",
-                f"{number}{wanted}", "give the mass in kg, then, if wanted, the size in m",
-            )  # fmt: skip
+                f"held object {text!r}",
+                f"{number} {unit}" if unit else f"{number} without a unit",
+                f"{number}{wanted}",
+                "give the mass in kg, then, if wanted, the size in m",
+            )
     return Held(
         shape,  # type: ignore[arg-type]
         float(mass),
@@ -138,6 +140,5 @@ def _check_name(place: str, found: str, known: tuple[str, ...]) -> None:
 def _check_number(place: str, found: float, limits: tuple[float, float], unit: str) -> None:
     if not (math.isfinite(found) and limits[0] <= found <= limits[1]):
         raise InputError(
-            place, f"{found:g} {unit}", f"{limits[0]:g} to {limits[1]:g} {unit}",
-            "correct the value",
-        )  # fmt: skip
+            place, f"{found:g} {unit}", f"{limits[0]:g} to {limits[1]:g} {unit}", "correct the value"
+        )

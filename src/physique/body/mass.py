@@ -55,9 +55,7 @@ class PartMass:
     inertia: Array
 
 
-def part_masses(
-    mesh: BodyMesh, solids: Sequence[Solid], rule: MassRule = "nearest"
-) -> tuple[PartMass, ...]:
+def part_masses(mesh: BodyMesh, solids: Sequence[Solid], rule: MassRule = "nearest") -> tuple[PartMass, ...]:
     """Masses of the 22 parts, in the order of `skeleton.JOINTS`; they add up to `mesh.mass`.
 
     rule: "nearest" gives each bit of the mesh's volume to its nearest bone; com and inertia are
@@ -74,9 +72,11 @@ def part_masses(
     for name, part in zip(JOINTS, parts):
         if not part.mass > 0.0:
             raise InputError(
-                f"body {mesh.name}, part {name}", "no mass", "volume round every bone",
+                f"body {mesh.name}, part {name}",
+                "no mass",
+                "volume round every bone",
                 "check that the joints lie inside the mesh",
-            )  # fmt: skip
+            )
     parts = _symmetric(parts) if is_symmetric(mesh) else parts
     scale = mesh.mass / sum(p.mass for p in parts)
     return tuple(PartMass(p.mass * scale, p.com, p.inertia * scale) for p in parts)

@@ -26,10 +26,7 @@ PEOPLE: dict[str, Person] = {
     "average": Person("man of middle height and mass", "male", 1.75, 75.0),
     "average_woman": Person("woman of middle height and mass", "female", 1.65, 62.0),
     "thin": Person(
-        "lean man, of the stature and mass of the first body in the paper's Figure 1",
-        "male",
-        1.69,
-        62.2,
+        "lean man, of the stature and mass of the first body in the paper's Figure 1", "male", 1.69, 62.2
     ),
     "thin_woman": Person("slight woman", "female", 1.68, 48.0),
     "heavy": Person("very heavy man, the second body in the paper's Figure 1", "male", 1.80, 155.4),

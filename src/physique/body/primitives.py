@@ -79,9 +79,7 @@ def inertia(solid: Solid, mass: float) -> Array:
         whole = 2.0 * b + 4.0 / 3.0 * a
         tube, balls = mass * 2.0 * b / whole, mass * 4.0 / 3.0 * a / whole
         axial = tube * a**2 / 2.0 + balls * 2.0 / 5.0 * a**2
-        across = tube * (a**2 / 4.0 + b**2 / 3.0) + balls * (
-            2.0 / 5.0 * a**2 + b**2 + 3.0 / 4.0 * a * b
-        )
+        across = tube * (a**2 / 4.0 + b**2 / 3.0) + balls * (2.0 / 5.0 * a**2 + b**2 + 3.0 / 4.0 * a * b)
         diagonal = np.array([across, across, axial])
     else:
         squares = np.array([b**2 + c**2, a**2 + c**2, a**2 + b**2])
@@ -109,9 +107,7 @@ def surface_samples(solid: Solid, spacing: float) -> tuple[Array, Array]:
     return vertices[faces].mean(axis=1), triangle_areas(vertices, faces)
 
 
-def triangle_samples(
-    vertices: Array, faces: NDArray[np.int32], spacing: float
-) -> tuple[Array, Array]:
+def triangle_samples(vertices: Array, faces: NDArray[np.int32], spacing: float) -> tuple[Array, Array]:
     """Points (N, 3) at most about `spacing` apart on triangles, and their areas (N,)."""
     corners = vertices[faces]
     edge = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
@@ -154,9 +150,8 @@ def _round_mesh(solid: Solid, spacing: float) -> tuple[Array, NDArray[np.int32]]
         latitude = np.concatenate([south, np.zeros(tube + 1), north])
         half = float(solid.size[1])
         shift = np.concatenate(
-            [np.full(len(south), -half), np.linspace(-half, half, tube + 1),
-             np.full(len(north), half)]
-        )  # fmt: skip
+            [np.full(len(south), -half), np.linspace(-half, half, tube + 1), np.full(len(north), half)]
+        )
     longitude = 2 * np.pi * np.arange(around) / around
     scale = np.full(3, widest) if capsule else solid.size
     unit = np.stack(
@@ -192,9 +187,8 @@ def _box_mesh(size: Array, spacing: float) -> tuple[Array, NDArray[np.int32]]:
         u, v = (axis + 1) % 3, (axis + 2) % 3
         nu, nv = (max(1, int(np.ceil(2 * size[k] / spacing))) for k in (u, v))
         gu, gv = np.meshgrid(
-            np.linspace(-size[u], size[u], nu + 1), np.linspace(-size[v], size[v], nv + 1),
-            indexing="ij",
-        )  # fmt: skip
+            np.linspace(-size[u], size[u], nu + 1), np.linspace(-size[v], size[v], nv + 1), indexing="ij"
+        )
         ids = np.arange(gu.size).reshape(gu.shape)
         a, b, c, d = ids[:-1, :-1], ids[1:, :-1], ids[1:, 1:], ids[:-1, 1:]
         quad = np.concatenate(

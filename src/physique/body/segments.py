@@ -44,9 +44,11 @@ def surface_points(mesh: BodyMesh) -> SurfacePoints:
         faces = outer[owner == part]
         if len(faces) == 0:
             raise InputError(
-                f"body {mesh.name}, part {JOINTS[part]}", "no surface that moves with it",
-                "skin weights that give every part some faces", "check the weights of this joint",
-            )  # fmt: skip
+                f"body {mesh.name}, part {JOINTS[part]}",
+                "no surface that moves with it",
+                "skin weights that give every part some faces",
+                "check the weights of this joint",
+            )
         p, a = triangle_samples(mesh.vertices, faces, 0.02)
         total = np.cumsum(a)
         count = max(LEAST_POINTS, int(total[-1] / POINT_AREA))
@@ -88,11 +90,7 @@ def bone_segments(mesh: BodyMesh) -> list[tuple[int, Array, Array]]:
     for side in ("left", "right"):
         chains.append(tuple(f"{side}_{p}" for p in ("hip", "knee", "ankle", "foot")))
         chains.append(tuple(f"{side}_{p}" for p in ("shoulder", "elbow", "wrist")))
-    bones = [
-        (INDEX[a], joints[INDEX[a]], joints[INDEX[b]])
-        for chain in chains
-        for a, b in pairwise(chain)
-    ]
+    bones = [(INDEX[a], joints[INDEX[a]], joints[INDEX[b]]) for chain in chains for a, b in pairwise(chain)]
     owner = np.where(mesh.surface, mesh.weights.argmax(axis=1), -1)
     for name, direction in (
         ("head", [0, 0, 1]),

@@ -9,13 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from physique.body.mesh import BodyMesh
-from physique.body.primitives import (
-    Solid,
-    signed_distance,
-    surface_samples,
-    triangle_areas,
-    triangle_samples,
-)
+from physique.body.primitives import Solid, signed_distance, surface_samples, triangle_areas, triangle_samples
 
 #: m. Distances are to samples this far apart, hence too large (by 0.2 mm at 8 mm), never too small.
 FINE = 0.006

@@ -54,8 +54,6 @@ def inside_points(vertices: Array, faces: NDArray[np.int32], edge: float) -> Arr
     first = np.ceil((bottom - low[2]) / edge - 0.5).astype(int)
     last = np.ceil((top - low[2]) / edge - 0.5).astype(int)
     height = np.maximum(last - first, 0)
-    k = np.repeat(first, height) + (
-        np.arange(height.sum()) - np.repeat(np.cumsum(height) - height, height)
-    )
+    k = np.repeat(first, height) + (np.arange(height.sum()) - np.repeat(np.cumsum(height) - height, height))
     column = np.repeat(column, height)
     return np.column_stack([x[column // len(y)], y[column % len(y)], low[2] + (k + 0.5) * edge])

@@ -17,12 +17,12 @@ import tyro
 from tyro.conf import Positional, arg
 
 from physique import skeleton
-from physique.bodies import write_png
-from physique.export.picture import animation, strip
+from physique.character import kinematics
+from physique.commands.bodies import write_png
 from physique.feedback.policy import ControllerName, load_policy
 from physique.feedback.pushes import Trial, run_trial
-from physique.run import POLICY, load_run
-from physique.simulation import kinematics
+from physique.render.picture import animation, strip
+from physique.runs.run import POLICY, load_run
 from physique.simulation.disturb import Push
 from physique.simulation.quiet import quiet
 
@@ -76,12 +76,17 @@ def main(arguments: list[str] | None = None) -> None:
     for label, trial in found.items():
         q = trial.motion.q
         rows.append(
-            strip(character.model, q, PANELS, fps=1 / step, reference_q=wanted[: len(q)],
-                  panel=(150, 210), labels=("motion", label))
-        )  # fmt: skip
-        animation(
-            character.model, q, 1 / step, options.run / f"fig6_{label}.webp", wanted[: len(q)]
+            strip(
+                character.model,
+                q,
+                PANELS,
+                fps=1 / step,
+                reference_q=wanted[: len(q)],
+                panel=(150, 210),
+                labels=("motion", label),
+            )
         )
+        animation(character.model, q, 1 / step, options.run / f"fig6_{label}.webp", wanted[: len(q)])
         outcome = "recovers" if trial.lost is None else f"is lost after {trial.lost:.2f} s"
         sys.stdout.write(f"{label}: {outcome}, greatest error {trial.error:.2f} m\n")
     write_png(options.run / "fig6.png", np.concatenate(rows))

@@ -18,19 +18,19 @@ from numpy.typing import NDArray
 from tyro.conf import Positional, arg
 
 from physique import skeleton
-from physique.bodies import write_png
+from physique.character import kinematics
+from physique.commands.bodies import write_png
+from physique.commands.feedback import MARGIN
 from physique.errors import InputError
-from physique.export import palette
-from physique.export.picture import strip
-from physique.export.sampling import RATE, frames_at
-from physique.export.scene import make_actor, stage
-from physique.export.surface import surface
 from physique.export.video import encode
 from physique.feedback.policy import ControllerName, load_policy
 from physique.feedback.pushes import Trial, random_pushes, run_trial
-from physique.robustness import MARGIN
-from physique.run import POLICY, Run, load_run
-from physique.simulation import kinematics
+from physique.render import palette
+from physique.render.picture import strip
+from physique.render.sampling import RATE, frames_at
+from physique.render.scene import make_actor, stage
+from physique.render.surface import surface
+from physique.runs.run import POLICY, Run, load_run
 from physique.simulation.quiet import quiet
 
 Array = NDArray[np.float64]
@@ -111,9 +111,13 @@ def find(options: Recovery, run: Run) -> tuple[Step, dict[str, Trial]]:
     policies = {name: load_policy(options.run / POLICY, name) for name in names}
     timestep, seconds = policies["lqr"].timestep, policies["lqr"].seconds
     pushes = random_pushes(
-        np.random.default_rng(options.seed), options.trials, options.impulse,
-        round(DURATION / timestep), (0, round(max(0.0, seconds - MARGIN) / timestep)), timestep,
-    )  # fmt: skip
+        np.random.default_rng(options.seed),
+        options.trials,
+        options.impulse,
+        round(DURATION / timestep),
+        (0, round(max(0.0, seconds - MARGIN) / timestep)),
+        timestep,
+    )
     character = run.character()
     joints = kinematics.joint_positions(character, run.trajectory.q)
     for push in pushes:
@@ -127,9 +131,11 @@ def find(options: Recovery, run: Run) -> tuple[Step, dict[str, Trial]]:
             if step is not None:
                 return step, trials
     raise InputError(
-        str(options.run), f"no recovery step in {options.trials} pushes of {options.impulse:g} Ns",
-        "one", "try another --seed, --impulse or more --trials",
-    )  # fmt: skip
+        str(options.run),
+        f"no recovery step in {options.trials} pushes of {options.impulse:g} Ns",
+        "one",
+        "try another --seed, --impulse or more --trials",
+    )
 
 
 def draw(run: Run, trials: dict[str, Trial], folder: Path) -> tuple[Path, Path]:
@@ -140,9 +146,16 @@ def draw(run: Run, trials: dict[str, Trial], folder: Path) -> tuple[Path, Path]:
     for label, trial in trials.items():
         q = trial.motion.q
         rows.append(
-            strip(character.model, q, PANELS, fps=1 / timestep, panel=(130, 180),
-                  reference_q=run.trajectory.q[start : start + len(q)], labels=("motion", label))
-        )  # fmt: skip
+            strip(
+                character.model,
+                q,
+                PANELS,
+                fps=1 / timestep,
+                panel=(130, 180),
+                reference_q=run.trajectory.q[start : start + len(q)],
+                labels=("motion", label),
+            )
+        )
     write_png(folder / "recovery.png", np.concatenate(rows))
     actors = [
         make_actor(surface(run, colour=palette.body(index)), trial.motion.q, label=label)

@@ -15,8 +15,8 @@ from typing import Annotated, Any
 import tyro
 from tyro.conf import Positional, arg
 
+from physique.commands.feedback import grow_tree
 from physique.feedback.grow import Settings
-from physique.robustness import grow_tree
 from physique.store import write_atomic
 
 FORCES = (50.0, 100.0, 150.0)  # N

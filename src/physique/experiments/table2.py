@@ -19,9 +19,9 @@ from tyro.conf import arg
 from physique import rotations, skeleton
 from physique.body.build import capsule_body
 from physique.body.named import named_body
+from physique.commands.feedback import PushReport, push, stabilize
+from physique.commands.retarget import retarget
 from physique.motion.clip import Motion
-from physique.pipeline import retarget
-from physique.robustness import PushReport, push, stabilize
 from physique.store import prepare_folder, write_atomic
 
 IMPULSES = (5.0, 50.0, 75.0, 125.0, 250.0)  # Ns
@@ -76,11 +76,17 @@ def measure(options: Table2) -> dict[str, list[PushReport]]:
     for controller in ("pd", "lqr"):
         found[controller] = [
             push(
-                folder, impulse, duration=options.duration, trials=options.trials,
-                seed=options.seed, controller=controller, start=0.0, end=0.0,
+                folder,
+                impulse,
+                duration=options.duration,
+                trials=options.trials,
+                seed=options.seed,
+                controller=controller,
+                start=0.0,
+                end=0.0,
             )[0]
             for impulse in IMPULSES
-        ]  # fmt: skip
+        ]
     return found
 
 

@@ -1,1 +1,1 @@
-"""What leaves the house: BVH, pictures."""
+"""Runs as files that other programs open, one format a file."""

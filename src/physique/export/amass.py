@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physique import rotations, skeleton
-from physique.run import Run
-from physique.simulation import reduced
+from physique.reference import reduced
+from physique.runs.run import Run
 from physique.store import PathLike, write_npz
 
 Array = NDArray[np.float64]

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from physique import rotations, skeleton
 from physique.errors import InputError
-from physique.simulation import reduced
+from physique.reference import reduced
 from physique.store import PathLike, write_atomic
 
 Array = NDArray[np.float64]

@@ -57,11 +57,7 @@ class Document:
         shape = values.shape[1:]
         stored = values.swapaxes(1, 2) if len(shape) == 2 else values
         self._data.extend(b"\0" * (-len(self._data) % 4))
-        view: dict[str, Any] = {
-            "buffer": 0,
-            "byteOffset": len(self._data),
-            "byteLength": stored.nbytes,
-        }
+        view: dict[str, Any] = {"buffer": 0, "byteOffset": len(self._data), "byteLength": stored.nbytes}
         if target is not None:
             view["target"] = target
         little_endian = stored.dtype.newbyteorder("<")

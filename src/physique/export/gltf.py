@@ -19,15 +19,15 @@ from numpy.typing import NDArray
 from physique import rotations, skeleton
 from physique.body.mesh import BodyMesh
 from physique.body.primitives import primitive_mesh
+from physique.character.hinges import AXES
 from physique.errors import InputError
-from physique.export import palette
 from physique.export.bvh import R_FILE_FROM_WORLD
 from physique.export.glb import INDICES, VERTICES, Document
-from physique.export.layout import side_by_side
-from physique.export.surface import held_mesh, skin_of, vertex_normals
-from physique.run import Run
-from physique.simulation import reduced
-from physique.simulation.hinges import AXES
+from physique.reference import reduced
+from physique.render import palette
+from physique.render.layout import side_by_side
+from physique.render.surface import held_mesh, skin_of, vertex_normals
+from physique.runs.run import Run
 from physique.store import PathLike, write_atomic
 
 Array = NDArray[np.float64]
@@ -60,9 +60,7 @@ class _Look:
         return replace(self, held=held)
 
 
-def write_glb(
-    path: PathLike, runs: Sequence[Run], *, source: bool = False, capsules: bool = False
-) -> Path:
+def write_glb(path: PathLike, runs: Sequence[Run], *, source: bool = False, capsules: bool = False) -> Path:
     """Write runs as one GLB file, side by side in one animation; `path` comes back.
 
     source: over each run's body, pale and half transparent, what it should have done.
@@ -206,9 +204,7 @@ def _actor(
     for j, parent in enumerate(skeleton.PARENTS):
         offset = rest_file[j] - (rest_file[parent] if parent >= 0 else 0.0)
         joints.append(
-            document.add(
-                "nodes", {"name": skeleton.JOINTS[j], "translation": (offset + 0.0).tolist()}
-            )
+            document.add("nodes", {"name": skeleton.JOINTS[j], "translation": (offset + 0.0).tolist()})
         )
     for j, node in enumerate(joints):
         children = [joints[i] for i, parent in enumerate(skeleton.PARENTS) if parent == j]
@@ -223,25 +219,13 @@ def _actor(
             document.change("nodes", node, children=children)
     actor = document.add(
         "nodes",
-        {
-            "name": name,
-            "translation": (R_FILE_FROM_WORLD @ shift + 0.0).tolist(),
-            "children": [joints[0]],
-        },
+        {"name": name, "translation": (R_FILE_FROM_WORLD @ shift + 0.0).tolist(), "children": [joints[0]]},
     )
     roots = [actor]
     if look.skin is not None:
-        mesh = document.add(
-            "meshes", {"name": name, "primitives": [{**look.skin, "material": material}]}
-        )
+        mesh = document.add("meshes", {"name": name, "primitives": [{**look.skin, "material": material}]})
         skin = document.add(
-            "skins",
-            {
-                "name": name,
-                "inverseBindMatrices": look.bind,
-                "joints": joints,
-                "skeleton": actor,
-            },
+            "skins", {"name": name, "inverseBindMatrices": look.bind, "joints": joints, "skeleton": actor}
         )
         # At the top of the scene: glTF ignores the place of a skinned mesh in the tree.
         roots.append(document.add("nodes", {"name": f"{name}, skin", "mesh": mesh, "skin": skin}))

@@ -8,15 +8,13 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from physique.export.sampling import RATE, frames_at
-from physique.run import Run
-from physique.simulation.state import finite_velocity
+from physique.character.state import finite_velocity
+from physique.render.sampling import RATE, frames_at
+from physique.runs.run import Run
 from physique.store import PathLike, write_atomic
 
 
-def write_mjcf(
-    path: PathLike, run: Run, *, source: bool = False, rate: float | None = None
-) -> Path:
+def write_mjcf(path: PathLike, run: Run, *, source: bool = False, rate: float | None = None) -> Path:
     """Write the simulated motion, or with `source` the retargeted source, as an MJCF model.
 
     A keyframe has time, qpos and qvel; one of the simulation its ctrl too, the targets that lead

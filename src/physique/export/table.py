@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physique import rotations
-from physique.run import Run
+from physique.character.hinges import HINGES
+from physique.runs.run import Run
 from physique.simulation.ground_reaction import ground_reaction
-from physique.simulation.hinges import HINGES
 from physique.store import PathLike, write_atomic
 
 Array = NDArray[np.float64]

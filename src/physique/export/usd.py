@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from physique import rotations, skeleton
 from physique.errors import InputError
-from physique.export import palette
-from physique.export.layout import side_by_side
-from physique.export.sampling import common_timestep
-from physique.export.surface import Surface, surface
 from physique.extras import require
-from physique.run import Run
-from physique.simulation import reduced
+from physique.reference import reduced
+from physique.render import palette
+from physique.render.layout import side_by_side
+from physique.render.sampling import common_timestep
+from physique.render.surface import Surface, surface
+from physique.runs.run import Run
 from physique.store import PathLike, write_atomic
 
 Array = NDArray[np.float64]
@@ -26,9 +26,7 @@ Array = NDArray[np.float64]
 SUFFIXES = (".usd", ".usdc", ".usda")
 
 
-def write_usd(
-    path: PathLike, runs: Sequence[Run], *, source: bool = False, capsules: bool = False
-) -> Path:
+def write_usd(path: PathLike, runs: Sequence[Run], *, source: bool = False, capsules: bool = False) -> Path:
     """Write runs side by side as UsdSkel figures, in metres, z up, a time code a frame.
 
     path: ends in .usd or .usdc (binary) or .usda (text). source: adds the retargeted source of
@@ -39,9 +37,7 @@ def write_usd(
     """
     path = Path(path)
     if path.suffix.lower() not in SUFFIXES:
-        raise InputError(
-            str(path), f"suffix {path.suffix!r}", " or ".join(SUFFIXES), "choose one of these"
-        )
+        raise InputError(str(path), f"suffix {path.suffix!r}", " or ".join(SUFFIXES), "choose one of these")
     Usd, UsdGeom = require("pxr.Usd", "usd"), require("pxr.UsdGeom", "usd")
     stage = Usd.Stage.CreateInMemory()
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
@@ -100,16 +96,12 @@ def _add_figure(
     for t in range(len(q)):
         translation.Set(Vt.Vec3fArray.FromNumpy(moved[t]), t)
         rotation.Set(Vt.QuatfArray.FromNumpy(turns[t]), t)
-    UsdSkel.BindingAPI.Apply(bones.GetPrim()).CreateAnimationSourceRel().SetTargets(
-        [animation.GetPath()]
-    )
+    UsdSkel.BindingAPI.Apply(bones.GetPrim()).CreateAnimationSourceRel().SetTargets([animation.GetPath()])
 
     mesh = UsdGeom.Mesh.Define(stage, f"{name}/surface")
     points = np.ascontiguousarray(shown.vertices, dtype=np.float32)
     mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(points))
-    mesh.CreateFaceVertexCountsAttr(
-        Vt.IntArray.FromNumpy(np.full(len(shown.faces), 3, dtype=np.int32))
-    )
+    mesh.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(len(shown.faces), 3, dtype=np.int32)))
     mesh.CreateFaceVertexIndicesAttr(
         Vt.IntArray.FromNumpy(np.ascontiguousarray(shown.faces.ravel(), dtype=np.int32))
     )
@@ -145,6 +137,4 @@ def strongest(weights: Array) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
 
 def _translations(places: Array) -> Any:
     Gf, Vt = require("pxr.Gf", "usd"), require("pxr.Vt", "usd")
-    return Vt.Matrix4dArray(
-        [Gf.Matrix4d(1.0).SetTranslate(Gf.Vec3d(*map(float, p))) for p in places]
-    )
+    return Vt.Matrix4dArray([Gf.Matrix4d(1.0).SetTranslate(Gf.Vec3d(*map(float, p))) for p in places])

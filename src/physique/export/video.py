@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physique.errors import InputError
-from physique.export.raster import Image
-from physique.export.sampling import RATE, frames_at
-from physique.export.scene import Scene, stage_runs
 from physique.extras import require
-from physique.run import Run
+from physique.render.raster import Image
+from physique.render.sampling import RATE, frames_at
+from physique.render.scene import Scene, stage_runs
+from physique.runs.run import Run
 from physique.store import PathLike, write_atomic
 
 _QUALITY = 20  # x264's constant rate factor: 18 to 23 look like the original
@@ -43,9 +43,7 @@ def write_video(
     """
     require("av", "video")
     if size is not None and (size[0] % 2 or size[1] % 2):
-        raise InputError(
-            "size", f"{size[0]} x {size[1]}", "even numbers of pixels", "add one pixel"
-        )
+        raise InputError("size", f"{size[0]} x {size[1]}", "even numbers of pixels", "add one pixel")
     scene = stage_runs(runs, size, source=source, capsules=capsules)
     rate = min(RATE if rate is None else rate, scene.fps)
     frames = frames_at(scene.frames, scene.fps, rate)

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from physique import rotations
 from physique.feedback.law import Followers, Law
 from physique.feedback.tree import Tree
+from physique.reference.target import joint_weights
 from physique.simulation.closed_loop import Probes
-from physique.tracking.costs import joint_weights
 
 Array = NDArray[np.float64]
 
@@ -21,7 +21,7 @@ _FALL = 1e6
 
 
 @dataclass(frozen=True)
-class Options:
+class ChoiceOptions:
     """kappa: nodes that are tried. alpha: frames that a node's time may be off. reach: m that a
     body may go beside its motion.
 
@@ -36,7 +36,7 @@ class Options:
     lowest: float = 0.6
 
 
-DEFAULT = Options()
+DEFAULT = ChoiceOptions()
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Choice:
 class Chooser:
     """Finds the best node to follow. steps: that it has simulated."""
 
-    def __init__(self, law: Law, options: Options, threads: int) -> None:
+    def __init__(self, law: Law, options: ChoiceOptions, threads: int) -> None:
         self._law, self.tree, self._options = law, law.tree, options
         tree = law.tree
         self.steps = 0
@@ -64,9 +64,7 @@ class Chooser:
         self._features = features(tree.q, tree.v, tree.com, tree.com_velocity)
         self._lowest = options.lowest * float(np.min(tree.com[: tree.frames, 2]))
 
-    def choose(
-        self, q: Array, v: Array, clock: int, now: tuple[int, Array] | None = None
-    ) -> Choice:
+    def choose(self, q: Array, v: Array, clock: int, now: tuple[int, Array] | None = None) -> Choice:
         """The best way on from q (57,), v (56,) at frame `clock` of the motion.
 
         now: the node and the shift that are followed, to be tried too.

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from physique.character import kinematics
 from physique.feedback.choice import along, distance, features
 from physique.feedback.connect import Trunk, make_branch
 from physique.feedback.law import BOUND, path
 from physique.feedback.tree import Branch, Tree
-from physique.simulation import kinematics
 from physique.simulation.rollout import Feedback, Rollout
 from physique.simulation.simulator import Simulator
 from physique.tracking.cma import new_search
@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Options:
+class CmaConnectOptions:
     """steps: N; knots: of a spline over them. samples, iterations, sigma (rad): of CMA. ahead:
     steps that are rolled out after N (the paper's shortened objective). alpha: frames that the node
     may be off in time. zeta: L at which it is good enough."""
@@ -48,7 +48,7 @@ def connect(
     v: Array,
     frame: int,
     rng: np.random.Generator,
-    options: Options = Options(),
+    options: CmaConnectOptions = CmaConnectOptions(),
 ) -> Branch | None:
     """A branch of N steps from the state q (57,), v (56,) at `frame`; None where L stays above
     zeta."""
@@ -99,14 +99,20 @@ def connect(
         if best < options.zeta:
             assert found is not None
             return make_branch(
-                simulator, trunk, found.q[: steps + 1], found.v[: steps + 1],
-                found.control[:steps], frame, np.zeros(2), parent=goal,
-            )  # fmt: skip
+                simulator,
+                trunk,
+                found.q[: steps + 1],
+                found.v[: steps + 1],
+                found.control[:steps],
+                frame,
+                np.zeros(2),
+                parent=goal,
+            )
     return None
 
 
 def _goal(
-    simulator: Simulator, tree: Tree, q: Array, v: Array, frame: int, options: Options
+    simulator: Simulator, tree: Tree, q: Array, v: Array, frame: int, options: CmaConnectOptions
 ) -> int:
     """The nearest node to a state that is N steps later in time, within alpha."""
     pose = kinematics.poses(simulator.character, q[None])

@@ -12,23 +12,23 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from physique.character import kinematics
 from physique.feedback import lqr
 from physique.feedback.law import BOUND
 from physique.feedback.pushes import SURVIVAL_LIMIT
 from physique.feedback.recovery import recovery_target
 from physique.feedback.tree import GAIN_TYPE, STRIDE, Branch
-from physique.simulation import kinematics
+from physique.reference.target import Target
 from physique.simulation.rollout import Feedback
 from physique.simulation.simulator import Simulator
 from physique.tracking import ddp
-from physique.tracking.costs import Target
 from physique.tracking.problem import Problem, warm_start
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Options:
+class ConnectOptions:
     """horizon: steps that a window looks ahead; keep: of these that are kept; iterations: of the
     optimiser in each. longest: steps of a branch. proof: steps that the motion's LQR must stand
     after it. near: m, mean body position error at the proof's end."""
@@ -81,7 +81,12 @@ def make_trunk(
 
 
 def connect(
-    simulator: Simulator, trunk: Trunk, q: Array, v: Array, frame: int, options: Options = Options()
+    simulator: Simulator,
+    trunk: Trunk,
+    q: Array,
+    v: Array,
+    frame: int,
+    options: ConnectOptions = ConnectOptions(),
 ) -> Branch | None:
     """A branch from the state q (57,), v (56,) at `frame` back to the motion; None if it falls."""
     qs, vs, controls = [q[None]], [v[None]], []
@@ -95,9 +100,11 @@ def connect(
         )
         problem = Problem(simulator.character, q, v, target)
         found = ddp.solve(
-            problem, simulator, warm_start(problem, tail),
-            ddp.Options(iterations=options.iterations, restarts=()),
-        )  # fmt: skip
+            problem,
+            simulator,
+            warm_start(problem, tail),
+            ddp.DdpOptions(iterations=options.iterations, restarts=()),
+        )
         keep = end - at if end == trunk.last else options.keep
         motion_found, at = found.rollout, at + keep
         off = _error(simulator, trunk, motion_found.q[keep], at)
@@ -111,14 +118,19 @@ def connect(
         shift = takeover(simulator, trunk, q, v, at, options)
         if shift is not None:
             return make_branch(
-                simulator, trunk, np.concatenate(qs), np.concatenate(vs),
-                np.concatenate(controls), frame, shift,
-            )  # fmt: skip
+                simulator,
+                trunk,
+                np.concatenate(qs),
+                np.concatenate(vs),
+                np.concatenate(controls),
+                frame,
+                shift,
+            )
     return None
 
 
 def takeover(
-    simulator: Simulator, trunk: Trunk, q: Array, v: Array, frame: int, options: Options
+    simulator: Simulator, trunk: Trunk, q: Array, v: Array, frame: int, options: ConnectOptions
 ) -> Array | None:
     """How far (2,), m, beside its place the motion's LQR performs it to a good end from here on;
     None where it does not."""
@@ -157,9 +169,7 @@ def make_branch(
     """LQR along q (M + 1, 57), v (M + 1, 56) under control (M, 50), with the motion's cost-to-go
     at its end (lines 20 to 26 of Algorithm 1). parent: left out, the motion's node of that time."""
     joined = min(frame + len(control), trunk.last)
-    gains = lqr.stabilize(
-        simulator.character, simulator, q, v, control, end=trunk.cost_to_go[joined]
-    )
+    gains = lqr.stabilize(simulator.character, simulator, q, v, control, end=trunk.cost_to_go[joined])
     pose = kinematics.poses(simulator.character, q[:-1])
     return Branch(
         q=q[:-1],

@@ -120,12 +120,8 @@ class Grower:
     def __init__(self, simulator: Simulator, motion: Trunk, settings: Settings) -> None:
         self._simulator, self._motion, self._settings = simulator, motion, settings
         self._servo = Servo(simulator.character.xml)
-        self.tree = trunk(
-            motion.q, motion.v, motion.control, motion.com, motion.com_velocity, motion.gains
-        )
-        self._law = Feedback(
-            simulator.character, motion.q, motion.v, motion.control, motion.gains, BOUND
-        )
+        self.tree = trunk(motion.q, motion.v, motion.control, motion.com, motion.com_velocity, motion.gains)
+        self._law = Feedback(simulator.character, motion.q, motion.v, motion.control, motion.gains, BOUND)
         self.meet([])
 
     def meet(self, branches: Sequence[Branch], gains: NDArray[np.float16] | None = None) -> None:
@@ -159,10 +155,13 @@ class Grower:
         start = round_.frame, round_.frame
         push = random_pushes(rng, 1, impulse, steps, start, timestep, parts)[0]
         moved = simulate_pushed(
-            self._simulator.character, self._motion.q[push.start], self._motion.v[push.start],
-            steps, lambda t, q, v: self._law(push.start + t, q, v),
+            self._simulator.character,
+            self._motion.q[push.start],
+            self._motion.v[push.start],
+            steps,
+            lambda t, q, v: self._law(push.start + t, q, v),
             Push(push.part, push.force, 0, steps),
-        )  # fmt: skip
+        )
         return moved.q[-1], moved.v[-1], push.start + steps, steps
 
     def _connect(self, q: Array, v: Array, at: int, rng: np.random.Generator) -> Branch | None:

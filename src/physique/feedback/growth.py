@@ -27,12 +27,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physique.body.capsule_body import CapsuleBody
+from physique.character.model import Character, load_character
 from physique.errors import InputError
 from physique.feedback.connect import Trunk, make_trunk
 from physique.feedback.grow import Attempt, Grower, Round, Settings, plan
 from physique.feedback.lqr import WeightsName
 from physique.feedback.tree import GAIN_TYPE, Branch, Tree, grown, trunk
-from physique.simulation.character import Character, load_character
 from physique.simulation.quiet import quiet
 from physique.simulation.simulator import Simulator
 from physique.store import prepare_folder, read_npz, write_npz
@@ -83,7 +83,7 @@ class Done:
 
 
 @dataclass(frozen=True)
-class Progress:
+class GrowthProgress:
     """How far the growth is: rounds, trials that the tree stood of the latest ones, perturbed
     states and nodes in it, s to go."""
 
@@ -114,7 +114,7 @@ def grow(
     *,
     workers: int,
     resume: bool,
-    progress: Callable[[Progress], None] | None = None,
+    progress: Callable[[GrowthProgress], None] | None = None,
 ) -> Growth:
     """Grow a tree about the motion, keeping its rounds in `folder`.
 
@@ -160,16 +160,14 @@ def grow(
 
 def root(motion: Trunk) -> Tree:
     """The tree of the motion alone."""
-    return trunk(
-        motion.q, motion.v, motion.control, motion.com, motion.com_velocity, motion.gains
-    )  # fmt: skip
+    return trunk(motion.q, motion.v, motion.control, motion.com, motion.com_velocity, motion.gains)
 
 
-def _progress(rounds: Sequence[Round], done: dict[int, Done], now: int, left: float) -> Progress:
+def _progress(rounds: Sequence[Round], done: dict[int, Done], now: int, left: float) -> GrowthProgress:
     lately = [rounds[i] for i in range(max(0, now - 11), now + 1) if rounds[i].index in done]
     trials = sum(r.count for r in lately)
     nodes = [n for d in done.values() for n in d.nodes]
-    return Progress(
+    return GrowthProgress(
         done=len(done),
         total=len(rounds),
         coverage=sum(done[r.index].covered for r in lately) / max(1, trials),
@@ -335,18 +333,22 @@ def _load(job: Job, index: int) -> tuple[Done, tuple[Branch, ...]]:
         )
         ours = facts["growth"] == job.fingerprint and facts["round"] == index
         found = Done(
-            facts["covered"], facts["failed"], tuple(len(b.q) for b in branches), facts["steps"],
-            facts["seconds"], facts["cpu"],
-        )  # fmt: skip
+            facts["covered"],
+            facts["failed"],
+            tuple(len(b.q) for b in branches),
+            facts["steps"],
+            facts["seconds"],
+            facts["cpu"],
+        )
     except (KeyError, TypeError, ValueError) as fault:
-        raise InputError(
-            str(path), f"a round without {fault}", "a whole one", "none is needed"
-        ) from None
+        raise InputError(str(path), f"a round without {fault}", "a whole one", "none is needed") from None
     if not ours:
         raise _ForeignError(
-            str(path), "a round of another growth", "one with the same options and motion",
+            str(path),
+            "a round of another growth",
+            "one with the same options and motion",
             "resume with those, or remove the folder to grow anew",
-        )  # fmt: skip
+        )
     return found, branches
 
 
@@ -360,9 +362,11 @@ def _open(job: Job, rounds: Sequence[Round], resume: bool) -> dict[int, Done]:
     held = sorted(folder.glob("*.npz")) if folder.is_dir() else []
     if held and not resume:
         raise InputError(
-            str(folder), "a growth that was stopped", "none", "add --resume to go on with it, or "
-            "remove the folder",
-        )  # fmt: skip
+            str(folder),
+            "a growth that was stopped",
+            "none",
+            "add --resume to go on with it, or remove the folder",
+        )
     prepare_folder(folder)
     done: dict[int, Done] = {}
     for round_ in rounds:

@@ -9,9 +9,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from physique.character.state import difference
 from physique.feedback.tree import Tree
 from physique.simulation.closed_loop import Servo
-from physique.simulation.state import difference
 
 Array = NDArray[np.float64]
 
@@ -41,11 +41,7 @@ class Followers:
     """
 
     def __init__(
-        self,
-        law: Law,
-        nodes: Sequence[int],
-        shifts: Sequence[Array],
-        feedback: bool = True,
+        self, law: Law, nodes: Sequence[int], shifts: Sequence[Array], feedback: bool = True
     ) -> None:
         self._law, self._tree, self._feedback = law, law.tree, feedback
         self.nodes, self.shifts = np.array(nodes), np.array(shifts, dtype=np.float64)

@@ -14,12 +14,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from physique.simulation import kinematics
-from physique.simulation.character import Character
-from physique.simulation.hinges import HINGES
-from physique.simulation.linearize import Linearization
+from physique.character import kinematics
+from physique.character.hinges import HINGES
+from physique.character.model import Character
+from physique.derivatives.linearize import Linearization
+from physique.reference.target import joint_weights
 from physique.simulation.simulator import Simulator
-from physique.tracking.costs import joint_weights
 
 Array = NDArray[np.float64]
 
@@ -27,7 +27,7 @@ WeightsName = Literal["default", "paper"]
 
 
 @dataclass(frozen=True)
-class Weights:
+class LqrWeights:
     """Q and R of Eqs. 13 and 14, as the terms of a cost.
 
     com, com_velocity: of the centre of mass, 1/m^2 and s^2/m^2. orientation, spin: of the pelvis.
@@ -62,7 +62,7 @@ def stabilize(
     q: Array,
     v: Array,
     control: Array,
-    weights: WeightsName | Weights = "default",
+    weights: WeightsName | LqrWeights = "default",
     end: Array | None = None,
 ) -> Gains:
     """LQR about a simulated motion q (N + 1, 57), v (N + 1, 56) under control (N, 50).
@@ -71,13 +71,13 @@ def stabilize(
     """
     linear = simulator.linearize(q[:-1], v[:-1], control, v[1:])
     A, B = torque_system(character, linear)
-    Q, R = cost_matrices(character, q, Weights() if weights == "default" else weights)
+    Q, R = cost_matrices(character, q, LqrWeights() if weights == "default" else weights)
     L, K = riccati(A, B, Q, R, end)
     return Gains(target_gains(character, A, B, L), K)
 
 
 def cost_matrices(
-    character: Character, q: Array, weights: Literal["paper"] | Weights
+    character: Character, q: Array, weights: Literal["paper"] | LqrWeights
 ) -> tuple[Array, Array]:
     """Q (N + 1, 112, 112) and R (N, 50, 50), about the states q (N + 1, 57).
 
@@ -102,9 +102,7 @@ def cost_matrices(
     return Q, np.tile(R, (frames - 1, 1, 1))
 
 
-def riccati(
-    A: Array, B: Array, Q: Array, R: Array, Q_end: Array | None = None
-) -> tuple[Array, Array]:
+def riccati(A: Array, B: Array, Q: Array, R: Array, Q_end: Array | None = None) -> tuple[Array, Array]:
     """L (N, m, n) of Eq. 17 and K (N + 1, n, n) of Eqs. 18 to 20.
 
     A (N, n, n), B (N, n, m), Q (N + 1, n, n), R (N, m, m); Q_end (n, n) is used in place of the

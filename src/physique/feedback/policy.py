@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physique.errors import InputError
-from physique.feedback.choice import DEFAULT, Choice, Chooser, Options
+from physique.feedback.choice import DEFAULT, Choice, ChoiceOptions, Chooser
 from physique.feedback.law import Followers, Law
 from physique.feedback.tree import Tree, read_policy
 from physique.simulation.closed_loop import Servo
@@ -57,7 +57,7 @@ class Policy:
         tree: Tree,
         controller: ControllerName = "lqr",
         control: ControlName = "targets",
-        options: Options = DEFAULT,
+        options: ChoiceOptions = DEFAULT,
         threads: int = 2,
     ) -> None:
         self.model_xml, self.tree, self.controller, self.control = xml, tree, controller, control
@@ -70,9 +70,7 @@ class Policy:
     def reset(self, frame: int = 0) -> None:
         """Go back to the beginning of the motion, or to a frame of it."""
         if not 0 <= frame < self.tree.frames:
-            raise InputError(
-                "frame of the policy", str(frame), f"0 to {self.tree.frames - 1}", "correct it"
-            )
+            raise InputError("frame of the policy", str(frame), f"0 to {self.tree.frames - 1}", "correct it")
         self._clock = frame
         self._follower = Followers(self._law, [frame], [np.zeros(2)], self.controller != "pd")
         tree = self.tree
@@ -174,9 +172,13 @@ def _gap(q_from: Array, v_from: Array, q: Array, v: Array) -> float:
     turn = 1.0 - float(np.dot(q_from[3:7], q[3:7])) ** 2
     dq, dv = q - q_from, v - v_from
     return float(
-        15.0 * dq[:3] @ dq[:3] + 4.0 * turn + 0.5 * dq[7:] @ dq[7:]
-        + 0.5 * dv[:3] @ dv[:3] + 0.05 * dv[3:6] @ dv[3:6] + 0.0005 * dv[6:] @ dv[6:]
-    )  # fmt: skip
+        15.0 * dq[:3] @ dq[:3]
+        + 4.0 * turn
+        + 0.5 * dq[7:] @ dq[7:]
+        + 0.5 * dv[:3] @ dv[:3]
+        + 0.05 * dv[3:6] @ dv[3:6]
+        + 0.0005 * dv[6:] @ dv[6:]
+    )
 
 
 def about(head: dict[str, Any]) -> str:

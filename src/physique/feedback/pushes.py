@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from physique.character import kinematics
+from physique.character.model import Character
 from physique.feedback.policy import Policy
-from physique.simulation import kinematics
-from physique.simulation.character import Character
 from physique.simulation.disturb import Push, Pushed, simulate_pushed
 
 Array = NDArray[np.float64]
@@ -59,9 +59,7 @@ def random_pushes(
         part = parts[int(rng.integers(len(parts)))]
         direction = rng.normal(size=3)
         force = impulse / (steps * timestep) * direction / np.linalg.norm(direction)
-        out.append(
-            Push(part, tuple(force.tolist()), int(rng.integers(start[0], start[1] + 1)), steps)
-        )
+        out.append(Push(part, tuple(force.tolist()), int(rng.integers(start[0], start[1] + 1)), steps))
     return out
 
 
@@ -84,10 +82,14 @@ def run_trial(
         return out
 
     motion = simulate_pushed(
-        character, tree.q[first], tree.v[first], tree.frames - 1 - first, control,
+        character,
+        tree.q[first],
+        tree.v[first],
+        tree.frames - 1 - first,
+        control,
         Push(push.part, push.force, 0, push.steps),
         lambda t, at: to_end or body_error(at, joints[first + t]) <= SURVIVAL_LIMIT,
-    )  # fmt: skip
+    )
     reached = len(motion.joints)
     wanted = joints[first : first + reached]
     errors = np.linalg.norm(motion.joints - wanted, axis=2).mean(axis=1)

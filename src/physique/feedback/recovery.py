@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from physique.simulation import kinematics
-from physique.simulation.character import Character
-from physique.simulation.state import difference, finite_velocity, integrate
-from physique.tracking.costs import Target
+from physique.character import kinematics
+from physique.character.model import Character
+from physique.character.state import difference, finite_velocity, integrate
+from physique.reference.target import Target
 
 Array = NDArray[np.float64]
 

@@ -81,9 +81,7 @@ class Tree:
         return int(self.branch.max()) + 1
 
 
-def trunk(
-    q: Array, v: Array, control: Array, com: Array, com_velocity: Array, gains: Array
-) -> Tree:
+def trunk(q: Array, v: Array, control: Array, com: Array, com_velocity: Array, gains: Array) -> Tree:
     """The motion alone: q (T, 57), v (T, 56), control (T - 1, 50), gains (T - 1, 50, 112)."""
     frames = len(q)
     number = np.arange(frames, dtype=np.int32)
@@ -170,17 +168,23 @@ def read_policy(path: PathLike) -> tuple[str, Tree, dict[str, Any]]:
 
 
 def _refusal(path: Path, found: str) -> InputError:
-    return InputError(
-        str(path), found, f"a policy file ({FORMAT})", "make it with `physique stabilize`"
-    )
+    return InputError(str(path), found, f"a policy file ({FORMAT})", "make it with `physique stabilize`")
 
 
 def _fits(tree: Tree) -> bool:
     n = len(tree.q)
     shapes = {
-        "q": (n, 57), "v": (n, 56), "control": (n, 50), "com": (n, 3), "com_velocity": (n, 3),
-        "gain": (n,), "parent": (n,), "frame": (n,), "branch": (n,), "shift": (n, 2),
-    }  # fmt: skip
+        "q": (n, 57),
+        "v": (n, 56),
+        "control": (n, 50),
+        "com": (n, 3),
+        "com_velocity": (n, 3),
+        "gain": (n,),
+        "parent": (n,),
+        "frame": (n,),
+        "branch": (n,),
+        "shift": (n, 2),
+    }
     if n < 2 or any(getattr(tree, name).shape != shape for name, shape in shapes.items()):
         return False
     if tree.gains.ndim != 3 or tree.gains.shape[1:] != (50, 112) or len(tree.gains) == 0:

@@ -51,8 +51,12 @@ def find_asf(amc: Path) -> Path:
     if len(beside) == 1:
         return beside[0]
     found = f"{len(beside)} .asf files, none of that name" if beside else "no .asf file beside it"
-    raise InputError(str(amc), found, f"{amc.stem.split('_')[0]}.asf in the same folder",
-                     "put the subject's .asf file there")  # fmt: skip
+    raise InputError(
+        str(amc),
+        found,
+        f"{amc.stem.split('_')[0]}.asf in the same folder",
+        "put the subject's .asf file there",
+    )
 
 
 def read_asfamc(amc: Path, asf: Path | None = None) -> Clip:
@@ -108,8 +112,12 @@ def _read_lines(path: Path) -> list[tuple[int, list[str]]]:
     try:
         text = path.read_bytes().decode("utf-8-sig", errors="replace")
     except OSError as error:
-        raise InputError(str(path), error.strerror or "an unreadable file", "an Acclaim file",
-                         "check the path and its permissions") from error  # fmt: skip
+        raise InputError(
+            str(path),
+            error.strerror or "an unreadable file",
+            "an Acclaim file",
+            "check the path and its permissions",
+        ) from error
     lines = [(i, line.split("#")[0].split()) for i, line in enumerate(text.splitlines(), start=1)]
     return [(number, words) for number, words in lines if words]
 
@@ -118,11 +126,16 @@ def _floats(words: list[str], place: str) -> list[float]:
     try:
         values = [float(word) for word in words]
     except ValueError as error:
-        raise InputError(place, f"{' '.join(words)[:60]!r}", "numbers",
-                         "correct the line or copy the file anew") from error  # fmt: skip
+        raise InputError(
+            place, f"{' '.join(words)[:60]!r}", "numbers", "correct the line or copy the file anew"
+        ) from error
     if not np.all(np.abs(values) < 1e9):  # nan is not
-        raise InputError(place, f"{' '.join(words)[:60]!r}", "finite numbers below 1e9",
-                         "repair the value or copy the file anew")  # fmt: skip
+        raise InputError(
+            place,
+            f"{' '.join(words)[:60]!r}",
+            "finite numbers below 1e9",
+            "repair the value or copy the file anew",
+        )
     return values
 
 
@@ -148,14 +161,17 @@ def _read_asf(path: Path) -> _Skeleton:
                 raise InputError(place, f"root axis {words[1]}", "XYZ", "convert the file")
         elif section == ":root" and key in ("position", "orientation"):
             if any(_floats(words[1:4], place)):
-                raise InputError(place, f"a root {key} that is not zero", "0 0 0",
-                                 "convert the file")  # fmt: skip
+                raise InputError(place, f"a root {key} that is not zero", "0 0 0", "convert the file")
         elif section == ":bonedata" and key == "begin":
             bone = _Bone("")
         elif section == ":bonedata" and key == "end" and bone is not None:
             if not bone.name or bone.name in index:
-                raise InputError(place, f"bone name {bone.name!r} missing or twice",
-                                 "a different name for every bone", "rename the bone")  # fmt: skip
+                raise InputError(
+                    place,
+                    f"bone name {bone.name!r} missing or twice",
+                    "a different name for every bone",
+                    "rename the bone",
+                )
             index[bone.name] = len(bones)
             bones.append(bone)
             bone = None
@@ -177,19 +193,23 @@ def _read_asf(path: Path) -> _Skeleton:
         elif section == ":hierarchy" and key not in ("begin", "end"):
             for word in words:
                 if word not in index:
-                    raise InputError(place, f"bone {word!r}", "a bone of :bonedata",
-                                     "correct the hierarchy")  # fmt: skip
+                    raise InputError(place, f"bone {word!r}", "a bone of :bonedata", "correct the hierarchy")
             for word in words[1:]:
                 bones[index[word]].parent = index[words[0]]
                 linked.add(index[word])
     if len(bones) == 1 or len(linked) < len(bones):
         loose = [b.name for i, b in enumerate(bones) if i not in linked]
         found = f"bones outside the hierarchy: {', '.join(loose[:5])}" if loose else "no bones"
-        raise InputError(str(path), found, "an Acclaim skeleton with :bonedata and :hierarchy",
-                         "check that the file is complete")  # fmt: skip
+        raise InputError(
+            str(path),
+            found,
+            "an Acclaim skeleton with :bonedata and :hierarchy",
+            "check that the file is complete",
+        )
     if not length > 0:
-        raise InputError(str(path), f"length unit {length:g}", "a positive number",
-                         "correct the :units section")  # fmt: skip
+        raise InputError(
+            str(path), f"length unit {length:g}", "a positive number", "correct the :units section"
+        )
     return _Skeleton(_parents_first(bones, path), INCH / length, degrees)
 
 
@@ -206,8 +226,12 @@ def _parents_first(bones: list[_Bone], path: Path) -> list[_Bone]:
     for i in order:  # grows while it is walked
         order += [j for j, bone in enumerate(bones) if bone.parent == i and j not in order]
     if len(order) != len(bones):
-        raise InputError(str(path), "a hierarchy that is not a tree", "one parent for every bone",
-                         "correct the :hierarchy section")  # fmt: skip
+        raise InputError(
+            str(path),
+            "a hierarchy that is not a tree",
+            "one parent for every bone",
+            "correct the :hierarchy section",
+        )
     new = {old: i for i, old in enumerate(order)}
     for bone in bones:
         bone.parent = new.get(bone.parent, -1)
@@ -227,23 +251,31 @@ def _read_amc(path: Path, skeleton: _Skeleton) -> list[Array]:
             _check_complete(path, frames, needed)
             frames.append({})
         elif not frames:
-            raise InputError(place, f"{words[0]!r}", "a frame number first",
-                             "check that this is an .amc file")  # fmt: skip
+            raise InputError(
+                place, f"{words[0]!r}", "a frame number first", "check that this is an .amc file"
+            )
         else:
             bone = bones.get(words[0])
             if bone is None or words[0] in frames[-1]:
-                raise InputError(place, f"bone {words[0]!r} in frame {len(frames)}",
-                                 "each bone of the .asf once a frame",
-                                 "check that the .asf and .amc belong together")  # fmt: skip
+                raise InputError(
+                    place,
+                    f"bone {words[0]!r} in frame {len(frames)}",
+                    "each bone of the .asf once a frame",
+                    "check that the .asf and .amc belong together",
+                )
             values = _floats(words[1:], place)
             if len(values) != len(bone.dof):
-                raise InputError(place, f"{len(values)} values for {bone.name!r}",
-                                 f"{len(bone.dof)}, as its dof line in the .asf",
-                                 "the file is cut off or damaged: copy it anew")  # fmt: skip
+                raise InputError(
+                    place,
+                    f"{len(values)} values for {bone.name!r}",
+                    f"{len(bone.dof)}, as its dof line in the .asf",
+                    "the file is cut off or damaged: copy it anew",
+                )
             frames[-1][words[0]] = values
     if not frames:
-        raise InputError(str(path), "no frames", "an .amc file with one frame or more",
-                         "check that the file is complete")  # fmt: skip
+        raise InputError(
+            str(path), "no frames", "an .amc file with one frame or more", "check that the file is complete"
+        )
     _check_complete(path, frames, needed)
     return [
         np.array([f[bone.name] for f in frames]) if bone.dof else np.zeros((len(frames), 0))
@@ -253,6 +285,9 @@ def _read_amc(path: Path, skeleton: _Skeleton) -> list[Array]:
 
 def _check_complete(path: Path, frames: list[dict[str, list[float]]], needed: set[str]) -> None:
     if frames and (missing := needed - frames[-1].keys()):
-        raise InputError(f"{path}, frame {len(frames)}", f"no values for {sorted(missing)[0]!r}",
-                         "every bone in every frame",
-                         "the file is cut off or damaged: copy it anew")  # fmt: skip
+        raise InputError(
+            f"{path}, frame {len(frames)}",
+            f"no values for {sorted(missing)[0]!r}",
+            "every bone in every frame",
+            "the file is cut off or damaged: copy it anew",
+        )

@@ -44,8 +44,12 @@ def read_bvh(path: Path) -> Clip:
     try:
         text = path.read_bytes().decode("utf-8-sig", errors="replace")
     except OSError as error:
-        raise InputError(str(path), error.strerror or "an unreadable file", "a BVH file",
-                         "check the path and its permissions") from error  # fmt: skip
+        raise InputError(
+            str(path),
+            error.strerror or "an unreadable file",
+            "a BVH file",
+            "check the path and its permissions",
+        ) from error
     lines = text.splitlines()
     if not text.strip():
         raise InputError(str(path), "an empty file", "a BVH file", "copy or export the file anew")
@@ -66,8 +70,13 @@ def _floats(parts: list[str], path: Path, line: int, what: str) -> list[float]:
         found = f"{' '.join(parts)[:60]!r}"
         raise _error(path, line, found, f"numbers for {what}", "correct the line") from error
     if not np.all(np.abs(values) < _LARGEST):  # nan is not
-        raise _error(path, line, f"{what} that is not finite", "finite numbers below 1e9",
-                     "repair the value or export the file anew")  # fmt: skip
+        raise _error(
+            path,
+            line,
+            f"{what} that is not finite",
+            "finite numbers below 1e9",
+            "repair the value or export the file anew",
+        )
     return values
 
 
@@ -87,86 +96,119 @@ def _read_hierarchy(lines: list[str], path: Path) -> tuple[list[_Node], int, int
         if keyword in ("root", "joint", "end"):
             parent = open_nodes[-1] if open_nodes else -1
             if keyword == "root" and nodes:
-                raise _error(path, number, "a second ROOT", "one skeleton a file",
-                             "split the file, one skeleton in each")  # fmt: skip
+                raise _error(
+                    path,
+                    number,
+                    "a second ROOT",
+                    "one skeleton a file",
+                    "split the file, one skeleton in each",
+                )
             if keyword != "root" and parent < 0:
-                raise _error(path, number, f"{parts[0]} outside ROOT", "ROOT first",
-                             "correct the hierarchy")  # fmt: skip
+                raise _error(path, number, f"{parts[0]} outside ROOT", "ROOT first", "correct the hierarchy")
             if pending is not None:
-                raise _error(path, number, f"{parts[0]} before '{{'", "'{' after a joint's name",
-                             "correct the hierarchy")  # fmt: skip
+                raise _error(
+                    path,
+                    number,
+                    f"{parts[0]} before '{{'",
+                    "'{' after a joint's name",
+                    "correct the hierarchy",
+                )
             name = " ".join(part for part in parts[1:] if part not in "{}")
             if keyword == "end":
                 name = f"{nodes[parent].name} end"
                 while name in names:  # two end sites under one joint
                     name += "'"
             if not name or name in names:
-                raise _error(path, number, f"the joint name {name!r} twice" if name else "no name",
-                             "a different name for every joint", "rename the joint")  # fmt: skip
+                raise _error(
+                    path,
+                    number,
+                    f"the joint name {name!r} twice" if name else "no name",
+                    "a different name for every joint",
+                    "rename the joint",
+                )
             names.add(name)
             nodes.append(_Node(name, parent, number))
             pending = len(nodes) - 1
         elif keyword == "offset":
             if not open_nodes or pending is not None:
-                raise _error(path, number, "OFFSET outside a joint", "OFFSET after '{'",
-                             "correct the hierarchy")  # fmt: skip
+                raise _error(
+                    path, number, "OFFSET outside a joint", "OFFSET after '{'", "correct the hierarchy"
+                )
             offset = _floats([p for p in parts[1:] if p not in "{}"], path, number, "OFFSET")
             if len(offset) != 3:
-                raise _error(path, number, f"{len(offset)} values", "3 values after OFFSET",
-                             "correct the line")  # fmt: skip
+                raise _error(
+                    path, number, f"{len(offset)} values", "3 values after OFFSET", "correct the line"
+                )
             nodes[open_nodes[-1]].offset = offset
         elif keyword == "channels":
             if not open_nodes:
-                raise _error(path, number, "CHANNELS outside a joint", "CHANNELS after '{'",
-                             "correct the hierarchy")  # fmt: skip
+                raise _error(
+                    path, number, "CHANNELS outside a joint", "CHANNELS after '{'", "correct the hierarchy"
+                )
             channels += _add_channels(nodes[open_nodes[-1]], parts, channels, path, number)
         elif keyword == "motion":
             if not nodes:
                 break
             if open_nodes:
-                raise _error(path, number, "MOTION inside an open '{'", "a '}' for every '{'",
-                             "correct the hierarchy")  # fmt: skip
+                raise _error(
+                    path, number, "MOTION inside an open '{'", "a '}' for every '{'", "correct the hierarchy"
+                )
             for node in nodes:
                 if node.offset is None:
-                    raise _error(path, node.line, f"joint {node.name!r} without OFFSET",
-                                 "an OFFSET line", "export the file anew")  # fmt: skip
+                    raise _error(
+                        path,
+                        node.line,
+                        f"joint {node.name!r} without OFFSET",
+                        "an OFFSET line",
+                        "export the file anew",
+                    )
             return nodes, channels, number + 1
         elif keyword not in ("hierarchy", "{", "}"):
-            raise _error(path, number, f"{line.strip()[:60]!r}",
-                         "HIERARCHY, ROOT, JOINT, OFFSET, CHANNELS, End Site or MOTION",
-                         "check that this is a BVH file")  # fmt: skip
+            raise _error(
+                path,
+                number,
+                f"{line.strip()[:60]!r}",
+                "HIERARCHY, ROOT, JOINT, OFFSET, CHANNELS, End Site or MOTION",
+                "check that this is a BVH file",
+            )
         for brace in braces:
             if brace == "{":
                 if pending is None:
-                    raise _error(path, number, "'{' without a joint", "JOINT before '{'",
-                                 "correct the hierarchy")  # fmt: skip
+                    raise _error(
+                        path, number, "'{' without a joint", "JOINT before '{'", "correct the hierarchy"
+                    )
                 open_nodes.append(pending)
                 pending = None
             else:
                 if not open_nodes:
-                    raise _error(path, number, "'}' too many", "a '{' for every '}'",
-                                 "correct the hierarchy")  # fmt: skip
+                    raise _error(path, number, "'}' too many", "a '{' for every '}'", "correct the hierarchy")
                 open_nodes.pop()
     missing = "MOTION section" if nodes else "ROOT joint"
-    raise _error(path, max(len(lines) - 1, 0), f"no {missing}", "HIERARCHY, then MOTION",
-                 "check that the file is complete")  # fmt: skip
+    raise _error(
+        path,
+        max(len(lines) - 1, 0),
+        f"no {missing}",
+        "HIERARCHY, then MOTION",
+        "check that the file is complete",
+    )
 
 
 def _add_channels(node: _Node, parts: list[str], first: int, path: Path, line: int) -> int:
     """Record a CHANNELS line in the node; how many channels it lists."""
     names = [part for part in parts[2:] if part not in "{}"]
     if len(parts) < 2 or not parts[1].isdigit() or int(parts[1]) != len(names):
-        raise _error(path, line, f"{' '.join(parts)[:80]!r}", "CHANNELS, a count, that many names",
-                     "correct the line")  # fmt: skip
+        raise _error(
+            path, line, f"{' '.join(parts)[:80]!r}", "CHANNELS, a count, that many names", "correct the line"
+        )
     for column, name in enumerate(names, start=first):
         axis, kind = name[:1].lower(), name[1:].lower()
         if axis not in ("x", "y", "z") or kind not in ("position", "rotation"):
-            raise _error(path, line, f"channel {name!r}", "Xposition, ... or Xrotation, ...",
-                         "correct the line")  # fmt: skip
+            raise _error(
+                path, line, f"channel {name!r}", "Xposition, ... or Xrotation, ...", "correct the line"
+            )
         seen = node.position_axes if kind == "position" else node.rotation_axes
         if axis in seen:
-            raise _error(path, line, f"channel {name!r} twice", "each channel once",
-                         "correct the line")  # fmt: skip
+            raise _error(path, line, f"channel {name!r} twice", "each channel once", "correct the line")
         if kind == "position":
             node.position_axes += axis
             node.position_columns.append(column)
@@ -189,18 +231,32 @@ def _read_motion_header(lines: list[str], row: int, path: Path) -> tuple[int, fl
         row += 1
     for key in ("frames", "frame time"):
         if key not in found:
-            raise _error(path, min(row, len(lines) - 1), f"no '{key.title()}:' line",
-                         "'Frames:' and 'Frame Time:' after MOTION",
-                         "check that the file is complete")  # fmt: skip
+            raise _error(
+                path,
+                min(row, len(lines) - 1),
+                f"no '{key.title()}:' line",
+                "'Frames:' and 'Frame Time:' after MOTION",
+                "check that the file is complete",
+            )
     count_text, count_line = found["frames"]
     if not count_text.isdigit() or int(count_text) == 0:
-        raise _error(path, count_line, f"Frames: {count_text[:40]}", "a count of 1 or more",
-                     "correct the line or export the file anew")  # fmt: skip
+        raise _error(
+            path,
+            count_line,
+            f"Frames: {count_text[:40]}",
+            "a count of 1 or more",
+            "correct the line or export the file anew",
+        )
     time_text, time_line = found["frame time"]
     frame_time = _floats([time_text.replace(",", ".")], path, time_line, "Frame Time")[0]
     if not 1e-4 <= frame_time <= 2.0:
-        raise _error(path, time_line, f"Frame Time: {frame_time:g}", "0.0001 to 2 seconds",
-                     "correct the line (120 frames a second: 0.0083333)")  # fmt: skip
+        raise _error(
+            path,
+            time_line,
+            f"Frame Time: {frame_time:g}",
+            "0.0001 to 2 seconds",
+            "correct the line (120 frames a second: 0.0083333)",
+        )
     return int(count_text), frame_time, row
 
 
@@ -212,22 +268,34 @@ def _read_rows(lines: list[str], row: int, count: int, channels: int, path: Path
         if not parts:
             continue
         if len(parts) != channels:
-            raise _error(path, number, f"{len(parts)} values in frame {len(rows)}",
-                         f"{channels}, as the hierarchy has channels",
-                         "the file is cut off or damaged: copy or export it anew")  # fmt: skip
+            raise _error(
+                path,
+                number,
+                f"{len(parts)} values in frame {len(rows)}",
+                f"{channels}, as the hierarchy has channels",
+                "the file is cut off or damaged: copy or export it anew",
+            )
         try:
             values = np.array(parts, dtype=np.float64)
         except ValueError:
             values = np.array(_floats(parts, path, number, f"frame {len(rows)}"))
         if not (np.abs(values) < _LARGEST).all():
             column = int(np.flatnonzero(~(np.abs(values) < _LARGEST))[0])
-            raise _error(path, number, f"{parts[column]} in frame {len(rows)}, value {column + 1}",
-                         "finite numbers below 1e9",
-                         "repair the value or export the file anew")  # fmt: skip
+            raise _error(
+                path,
+                number,
+                f"{parts[column]} in frame {len(rows)}, value {column + 1}",
+                "finite numbers below 1e9",
+                "repair the value or export the file anew",
+            )
         rows.append(values)
     if len(rows) != count:
-        raise InputError(str(path), f"{len(rows)} rows of values", f"Frames: {count}",
-                         f"copy it anew, or write 'Frames: {len(rows)}'")  # fmt: skip
+        raise InputError(
+            str(path),
+            f"{len(rows)} rows of values",
+            f"Frames: {count}",
+            f"copy it anew, or write 'Frames: {len(rows)}'",
+        )
     return np.stack(rows)
 
 

@@ -16,11 +16,11 @@ from physique.motion.clip import Clip
 
 _SIDED = ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")
 REQUIRED: tuple[str, ...] = (
-    "pelvis", "spine", *(f"{side}_{part}" for part in _SIDED for side in ("left", "right")),
-)  # fmt: skip
-OPTIONAL: tuple[str, ...] = (
-    "neck", "head", "left_collar", "right_collar", "left_foot", "right_foot",
-)  # fmt: skip
+    "pelvis",
+    "spine",
+    *(f"{side}_{part}" for part in _SIDED for side in ("left", "right")),
+)
+OPTIONAL: tuple[str, ...] = ("neck", "head", "left_collar", "right_collar", "left_foot", "right_foot")
 _SETTINGS = ("units", "unit", "up", "tpose", "joints")
 _PREFIX = re.compile(r"^(mixamorig\d*|cc base|character\d*|bip\d*|biped|def|rig)[ :]+(?=.)")
 
@@ -55,49 +55,63 @@ def read_mapping(path: Path) -> Mapping:
     try:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise InputError(str(path), error.strerror or "an unreadable file", "a mapping file",
-                         "check the path") from error  # fmt: skip
+        raise InputError(
+            str(path), error.strerror or "an unreadable file", "a mapping file", "check the path"
+        ) from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(str(path), f"text that is not TOML ({error})", "a mapping file",
-                         "correct the line") from error  # fmt: skip
+        raise InputError(
+            str(path), f"text that is not TOML ({error})", "a mapping file", "correct the line"
+        ) from error
     return _parse(table, path.stem, str(path))
 
 
 def _parse(table: dict[str, Any], name: str, place: str) -> Mapping:
     if unknown := [key for key in table if key not in _SETTINGS]:
-        raise InputError(place, f"the key {unknown[0]!r}", f"one of {', '.join(_SETTINGS)}",
-                         "correct the key")  # fmt: skip
+        raise InputError(
+            place, f"the key {unknown[0]!r}", f"one of {', '.join(_SETTINGS)}", "correct the key"
+        )
     joints = table.get("joints")
     if not isinstance(joints, dict):
-        raise InputError(place, "no [joints] table", "[joints] with a line for each body joint",
-                         "add the table")  # fmt: skip
+        raise InputError(
+            place, "no [joints] table", "[joints] with a line for each body joint", "add the table"
+        )
     chains: dict[str, tuple[str, ...]] = {}
     for key, value in joints.items():
         if key not in REQUIRED + OPTIONAL:
-            raise InputError(place, f"the body joint {key!r}",
-                             f"one of {', '.join(REQUIRED + OPTIONAL)}",
-                             "correct the name")  # fmt: skip
+            raise InputError(
+                place,
+                f"the body joint {key!r}",
+                f"one of {', '.join(REQUIRED + OPTIONAL)}",
+                "correct the name",
+            )
         chain = [value] if isinstance(value, str) else value
         if not isinstance(chain, list) or not chain or not all(isinstance(c, str) for c in chain):
-            raise InputError(place, f"{key} = {value!r}", "a joint name or a list of them",
-                             "put the names in quotes")  # fmt: skip
+            raise InputError(
+                place, f"{key} = {value!r}", "a joint name or a list of them", "put the names in quotes"
+            )
         chains[key] = tuple(chain)
     if missing := [key for key in REQUIRED if key not in chains]:
-        raise InputError(place, f"no line for {', '.join(missing)}",
-                         f"at least {', '.join(REQUIRED)}", "add them under [joints]")  # fmt: skip
+        raise InputError(
+            place,
+            f"no line for {', '.join(missing)}",
+            f"at least {', '.join(REQUIRED)}",
+            "add them under [joints]",
+        )
     unit, units = table.get("unit"), table.get("units", [])
     for value in ([] if unit is None else [unit]) + (units if isinstance(units, list) else [units]):
         if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0 < value < 1e3:
-            raise InputError(place, f"the unit {value!r}", "metres per file unit, such as 0.01",
-                             "correct the value")  # fmt: skip
+            raise InputError(
+                place, f"the unit {value!r}", "metres per file unit, such as 0.01", "correct the value"
+            )
     if table.get("up") not in (None, "y", "z"):
         raise InputError(place, f"up = {table['up']!r}", 'up = "y" or up = "z"', "correct it")
     tpose = table.get("tpose", "auto")
     if isinstance(tpose, bool) or not (
         tpose in ("auto", "offsets") or (isinstance(tpose, int) and tpose >= 0)
     ):
-        raise InputError(place, f"tpose = {tpose!r}", '"auto", "offsets" or a frame number from 0',
-                         "correct it")  # fmt: skip
+        raise InputError(
+            place, f"tpose = {tpose!r}", '"auto", "offsets" or a frame number from 0', "correct it"
+        )
     return Mapping(name, chains, tuple(units), unit, table.get("up"), tpose)
 
 
@@ -107,8 +121,7 @@ def known_conventions() -> tuple[Mapping, ...]:
     folder = resources.files("physique.motion") / "conventions"
     files = sorted((f for f in folder.iterdir() if f.name.endswith(".toml")), key=lambda f: f.name)
     return tuple(
-        _parse(tomllib.loads(file.read_text(encoding="utf-8")), file.name[:-5], file.name)
-        for file in files
+        _parse(tomllib.loads(file.read_text(encoding="utf-8")), file.name[:-5], file.name) for file in files
     )
 
 
@@ -177,10 +190,12 @@ def recognize(clip: Clip) -> tuple[Mapping, dict[str, tuple[int, ...]]]:
             best = (mapping, found)
     if best is None:
         names = [name for name in clip.joints if not name.endswith(" end")]
-        raise InputError(clip.source, f"an unknown skeleton with the joints {', '.join(names)}",
-                         f"one of the conventions {', '.join(m.name for m in known_conventions())}",
-                         "write a mapping file as docs/motion.md shows and pass --mapping FILE.toml"
-                         )  # fmt: skip
+        raise InputError(
+            clip.source,
+            f"an unknown skeleton with the joints {', '.join(names)}",
+            f"one of the conventions {', '.join(m.name for m in known_conventions())}",
+            "write a mapping file as docs/motion.md shows and pass --mapping FILE.toml",
+        )
     return best
 
 
@@ -193,14 +208,20 @@ def apply_mapping(mapping: Mapping, clip: Clip) -> dict[str, tuple[int, ...]]:
     for body, chain in mapping.joints.items():
         for names in chain:
             if not any(n in clip.joints or plain_name(n) in plain for n in names.split("|")):
-                raise InputError(f"mapping {mapping.name!r}, {body}", f"the joint {names!r}",
-                                 f"a joint of {clip.source}: {', '.join(clip.joints)}",
-                                 "correct the name")  # fmt: skip
+                raise InputError(
+                    f"mapping {mapping.name!r}, {body}",
+                    f"the joint {names!r}",
+                    f"a joint of {clip.source}: {', '.join(clip.joints)}",
+                    "correct the name",
+                )
     found = resolve(mapping, clip)
     if found is None:
-        raise InputError(f"mapping {mapping.name!r}", "limbs that do not hang together",
-                         "each knee below its hip, each ankle below its knee, arms likewise",
-                         "correct the names")  # fmt: skip
+        raise InputError(
+            f"mapping {mapping.name!r}",
+            "limbs that do not hang together",
+            "each knee below its hip, each ankle below its knee, arms likewise",
+            "correct the names",
+        )
     return found
 
 

@@ -97,6 +97,4 @@ def resample(motion: Motion, fps: float) -> Motion:
         root = CubicSpline(np.arange(motion.frames), motion.root)(times)
     else:
         root = motion.root[low] + t[:, None] * (motion.root[high] - motion.root[low])
-    return replace(
-        motion, fps=float(fps), rotations=rotations, root=root, contacts=motion.contacts[nearest]
-    )
+    return replace(motion, fps=float(fps), rotations=rotations, root=root, contacts=motion.contacts[nearest])

@@ -155,9 +155,7 @@ def level_soles(motion: Motion) -> Motion:
             segment = rot.rotate(rot.conjugate(yaw), segment)
             turn = rot.multiply(turn, yaw)
             rotations[:, ankle] = rot.multiply(rotations[:, ankle], turn)
-            rotations[:, ball] = rot.multiply(
-                rot.conjugate(turn), rot.multiply(rotations[:, ball], turn)
-            )
+            rotations[:, ball] = rot.multiply(rot.conjugate(turn), rot.multiply(rotations[:, ball], turn))
         rest[ball] = rest[ankle] + segment
     rest[:, 2] += BALL_HEIGHT - rest[list(_BALLS), 2].mean()
     return replace(motion, rotations=rot.normalize(rotations), rest_joints=rest)

@@ -43,8 +43,7 @@ def list_clips() -> list[ClipInfo]:
     infos = []
     for i, name in enumerate(data["names"].tolist()):
         frames, fps = int(data["frames"][i]), float(data["fps"][i])
-        infos.append(ClipInfo(name, (frames - 1) / fps, fps, str(data["origin"]),
-                              int(data["cycles"][i])))  # fmt: skip
+        infos.append(ClipInfo(name, (frames - 1) / fps, fps, str(data["origin"]), int(data["cycles"][i])))
     return infos
 
 
@@ -56,8 +55,12 @@ def load_clip(name: str) -> Clip:
     data = _data()
     names = data["names"].tolist()
     if name not in names:
-        raise InputError(f"clip {name!r}", "no such file or embedded clip",
-                         f"a path or one of {', '.join(names)}", "correct the name")  # fmt: skip
+        raise InputError(
+            f"clip {name!r}",
+            "no such file or embedded clip",
+            f"a path or one of {', '.join(names)}",
+            "correct the name",
+        )
     i = names.index(name)
     first = int(data["frames"][:i].sum())
     rows = slice(first, first + int(data["frames"][i]))

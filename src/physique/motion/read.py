@@ -35,9 +35,12 @@ def read_clip(clip: str | Path) -> Clip:
             raise InputError(str(path), "no such file", "a motion file", "check the path")
         return reader(path)
     if path.exists():
-        raise InputError(str(path), f"a {path.suffix or 'nameless'} file",
-                         f"a file of type {', '.join(_READERS)}",
-                         "convert it (for .asf, name the .amc)")  # fmt: skip
+        raise InputError(
+            str(path),
+            f"a {path.suffix or 'nameless'} file",
+            f"a file of type {', '.join(_READERS)}",
+            "convert it (for .asf, name the .amc)",
+        )
     return load_clip(str(clip))
 
 
@@ -64,8 +67,9 @@ def read_motion(
             raise InputError("fps", f"{fps:g}", "1 to 10000 frames a second", "correct the value")
         source = replace(source, fps=float(fps))
     if low_pass is not None and not (np.isfinite(low_pass) and low_pass > 0):
-        raise InputError("low_pass", f"{low_pass:g}", "a positive cut-off in Hz, or None",
-                         "correct the value")  # fmt: skip
+        raise InputError(
+            "low_pass", f"{low_pass:g}", "a positive cut-off in Hz, or None", "correct the value"
+        )
     if mapping is None:
         names, joints = recognize(source)
     else:
@@ -73,9 +77,7 @@ def read_motion(
         joints = apply_mapping(names, source)
     tpose = find_tpose(source, names, joints)
     source = replace(
-        source,
-        rotations=source.rotations[tpose.lead_in :],
-        positions=source.positions[tpose.lead_in :],
+        source, rotations=source.rotations[tpose.lead_in :], positions=source.positions[tpose.lead_in :]
     )
     motion = repair_spikes(rig.to_motion(source, joints, tpose))
     if low_pass is not None:
@@ -92,14 +94,15 @@ def trim(motion: Motion, start: float | None = None, end: float | None = None) -
     first = 0.0 if start is None else start
     last = motion.seconds if end is None else end
     if not (0 <= first < last <= motion.seconds + 1.0 / motion.fps):
-        raise InputError(motion.source, f"start {first:g} s and end {last:g} s",
-                         f"0 <= start < end <= {motion.seconds:.2f} s", "correct them")  # fmt: skip
+        raise InputError(
+            motion.source,
+            f"start {first:g} s and end {last:g} s",
+            f"0 <= start < end <= {motion.seconds:.2f} s",
+            "correct them",
+        )
     keep = slice(round(first * motion.fps), round(last * motion.fps) + 1)
     return replace(
-        motion,
-        rotations=motion.rotations[keep],
-        root=motion.root[keep],
-        contacts=motion.contacts[keep],
+        motion, rotations=motion.rotations[keep], root=motion.root[keep], contacts=motion.contacts[keep]
     )
 
 

@@ -144,9 +144,7 @@ class _Performer:
             self.rest[INDEX["neck"]] = shoulders + np.array([0.0, 0.0, 0.3 * length])
             self.rest[INDEX["head"]] = shoulders + np.array([0.0, 0.0, length])
 
-    def _distribute(
-        self, targets: tuple[str, ...], chain: tuple[int, ...], base: int, end: Array
-    ) -> None:
+    def _distribute(self, targets: tuple[str, ...], chain: tuple[int, ...], base: int, end: Array) -> None:
         """Let the targets share the turns of a chain of file joints evenly.
 
         Target k follows the chain at the fraction (k + 1) / m of its n joints, and lies at the
@@ -229,9 +227,7 @@ class _Performer:
         self.rest[INDEX[shoulder]] = self._at(shoulder)
         self.rest[INDEX[elbow]] = self._at(shoulder) + out * np.linalg.norm(upper)
         self.rest[INDEX[wrist]] = self.rest[INDEX[elbow]] + out * np.linalg.norm(fore)
-        if collar in self._joints and (
-            np.linalg.norm(self._at(collar) - self._at(shoulder)) > 5e-3
-        ):
+        if collar in self._joints and (np.linalg.norm(self._at(collar) - self._at(shoulder)) > 5e-3):
             self.rest[INDEX[collar]] = self._at(collar)
         else:
             neck, end = self.rest[INDEX["neck"]], self._at(shoulder)

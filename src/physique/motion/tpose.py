@@ -58,8 +58,12 @@ def find_tpose(clip: Clip, mapping: Mapping, joints: Joints) -> TPose:
     world_rotations, world_positions = clip_world(clip)
     frame = mapping.tpose if isinstance(mapping.tpose, int) else None
     if frame is not None and frame >= clip.frames:
-        raise InputError(f"mapping {mapping.name!r}, tpose", f"frame {frame}",
-                         f"0 to {clip.frames - 1}", "correct the frame number")  # fmt: skip
+        raise InputError(
+            f"mapping {mapping.name!r}, tpose",
+            f"frame {frame}",
+            f"0 to {clip.frames - 1}",
+            "correct the frame number",
+        )
     lead_in = _lead_in(clip, world_positions, joints)
     if frame is None and mapping.tpose == "auto" and lead_in:
         frame = 0
@@ -80,8 +84,7 @@ def find_tpose(clip: Clip, mapping: Mapping, joints: Joints) -> TPose:
     world_up = _world_up(clip, mapping, joints, world_positions, body_up, frame is not None)
     R_world = _basis(np.roll(world_up, 1), world_up)
     stature = _stature(positions, joints, body_up)
-    return TPose(rotations, positions, R_body, R_world,
-                 _meters(clip, mapping, stature), lead_in)  # fmt: skip
+    return TPose(rotations, positions, R_body, R_world, _meters(clip, mapping, stature), lead_in)
 
 
 def _rest_offsets(clip: Clip) -> Array:
@@ -143,22 +146,31 @@ def _lead_in(clip: Clip, positions: Array, joints: Joints) -> int:
 
 
 def _check_pose(clip: Clip, positions: Array, joints: Joints) -> None:
-    remedy = ("pass a mapping file with tpose = N, the number of a frame in which the person "
-              "stands with the arms out to the sides")  # fmt: skip
+    remedy = (
+        "pass a mapping file with tpose = N, the number of a frame in which the person "
+        "stands with the arms out to the sides"
+    )
     up = _up(positions, joints)
     for side in ("left", "right"):
         for a, b in (("hip", "knee"), ("knee", "ankle"), ("shoulder", "elbow"), ("elbow", "wrist")):
             if np.linalg.norm(_segment(positions, joints, f"{side}_{a}", f"{side}_{b}")) < 1e-9:
-                raise InputError(clip.source, f"no distance between {side} {a} and {side} {b}",
-                                 "bones with a length",
-                                 "correct the OFFSETs or the mapping")  # fmt: skip
+                raise InputError(
+                    clip.source,
+                    f"no distance between {side} {a} and {side} {b}",
+                    "bones with a length",
+                    "correct the OFFSETs or the mapping",
+                )
         leg = _segment(positions, joints, f"{side}_hip", f"{side}_ankle")
         thigh = _segment(positions, joints, f"{side}_hip", f"{side}_knee")
         shank = _segment(positions, joints, f"{side}_knee", f"{side}_ankle")
         trunk = _segment(positions, joints, "pelvis", f"{side}_shoulder")
         if _degrees(leg, -up) > 45 or _degrees(thigh, shank) > 45 or trunk @ up <= 0:
-            raise InputError(clip.source, f"a rest pose in which the {side} leg does not hang down",
-                             "offsets or a first frame that show a T-pose", remedy)  # fmt: skip
+            raise InputError(
+                clip.source,
+                f"a rest pose in which the {side} leg does not hang down",
+                "offsets or a first frame that show a T-pose",
+                remedy,
+            )
 
 
 def _check_sides(clip: Clip, positions: Array, joints: Joints, R_file_from_body: Array) -> None:
@@ -167,9 +179,12 @@ def _check_sides(clip: Clip, positions: Array, joints: Joints, R_file_from_body:
         if f"{side}_foot" in joints:
             toe = _segment(positions, joints, f"{side}_ankle", f"{side}_foot")
             if _unit(toe) @ R_file_from_body[:, 0] < -0.3:
-                raise InputError(clip.source, f"a {side} foot that points backwards",
-                                 "the left hip on the person's left, right-handed axes",
-                                 "swap left and right in a mapping file")  # fmt: skip
+                raise InputError(
+                    clip.source,
+                    f"a {side} foot that points backwards",
+                    "the left hip on the person's left, right-handed axes",
+                    "swap left and right in a mapping file",
+                )
 
 
 def _world_up(
@@ -198,15 +213,16 @@ def _world_up(
 
 def _stature(positions: Array, joints: Joints, up: Array) -> float:
     """Body height, file units: legs and trunk, and shares of them for head and feet."""
-    leg = np.mean([
-        np.linalg.norm(_segment(positions, joints, f"{side}_hip", f"{side}_knee"))
-        + np.linalg.norm(_segment(positions, joints, f"{side}_knee", f"{side}_ankle"))
-        for side in ("left", "right")
-    ])  # fmt: skip
-    trunk = np.mean([
-        _segment(positions, joints, f"{side}_hip", f"{side}_shoulder") @ up
-        for side in ("left", "right")
-    ])  # fmt: skip
+    leg = np.mean(
+        [
+            np.linalg.norm(_segment(positions, joints, f"{side}_hip", f"{side}_knee"))
+            + np.linalg.norm(_segment(positions, joints, f"{side}_knee", f"{side}_ankle"))
+            for side in ("left", "right")
+        ]
+    )
+    trunk = np.mean(
+        [_segment(positions, joints, f"{side}_hip", f"{side}_shoulder") @ up for side in ("left", "right")]
+    )
     # Hip to ankle is 0.49 and hip to shoulder 0.29 of stature (Drillis and Contini 1966).
     return float((leg + trunk) / 0.78)
 
@@ -217,9 +233,12 @@ def _meters(clip: Clip, mapping: Mapping, stature: float) -> float:
     if fixed is not None:
         if low <= stature * fixed <= high:
             return fixed
-        raise InputError(clip.source, f"a person of {stature * fixed:.3g} m",
-                         f"a stature of {low} to {high} m",
-                         "set unit = metres per unit in a mapping file")  # fmt: skip
+        raise InputError(
+            clip.source,
+            f"a person of {stature * fixed:.3g} m",
+            f"a stature of {low} to {high} m",
+            "set unit = metres per unit in a mapping file",
+        )
     fitting = [m for m in (*mapping.units, *_UNITS) if low <= stature * m <= high]
     if fitting:
         return fitting[0]
@@ -227,9 +246,14 @@ def _meters(clip: Clip, mapping: Mapping, stature: float) -> float:
         _log.warning(
             "%s: the person is %.1f units high, which is no usual unit; taken as %.2f m "
             "(a mapping file may set unit = metres per unit)",
-            clip.source, stature, _ASSUMED_STATURE,
-        )  # fmt: skip
+            clip.source,
+            stature,
+            _ASSUMED_STATURE,
+        )
         return _ASSUMED_STATURE / stature
-    raise InputError(clip.source, f"a person {stature:.3g} units high",
-                     f"a stature of {low} to {high} m in metres, centimetres, millimetres, inches "
-                     "or feet", "set unit = metres per unit in a mapping file")  # fmt: skip
+    raise InputError(
+        clip.source,
+        f"a person {stature:.3g} units high",
+        f"a stature of {low} to {high} m in metres, centimetres, millimetres, inches or feet",
+        "set unit = metres per unit in a mapping file",
+    )

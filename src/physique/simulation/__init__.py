@@ -1,1 +1,1 @@
-"""The only place that steps MuJoCo: the character, its states, roll-outs and derivatives."""
+"""The only place that steps MuJoCo."""

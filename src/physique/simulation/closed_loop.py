@@ -25,9 +25,8 @@ class Servo:
             self.model = mujoco.MjModel.from_xml_string(xml)
         except ValueError as fault:
             raise InputError(
-                "character model", str(fault).splitlines()[0], "MJCF of a character",
-                "make the policy anew",
-            ) from None  # fmt: skip
+                "character model", str(fault).splitlines()[0], "MJCF of a character", "make the policy anew"
+            ) from None
         self.timestep = float(self.model.opt.timestep)
         self._kp = self.model.actuator_gainprm[:, 0].copy()
         self._kd = -self.model.actuator_biasprm[:, 2]
@@ -139,9 +138,16 @@ class Probes:
             after, sensed = np.empty((n, 1, state.shape[1])), np.empty((n, 1, sensor.shape[1]))
             # Checks would take as long as a simulated step.
             self._pool.rollout(
-                [self._model] * n, self._datas, state[standing], targets[standing, None],
-                nstep=1, skip_checks=True, state=after, sensordata=sensed, chunk_size=1,
-            )  # fmt: skip
+                [self._model] * n,
+                self._datas,
+                state[standing],
+                targets[standing, None],
+                nstep=1,
+                skip_checks=True,
+                state=after,
+                sensordata=sensed,
+                chunk_size=1,
+            )
             state[standing], sensor[standing] = after[:, 0], sensed[:, 0]
             self.steps[standing] += 1
             # One that blows up resets itself, its clock too.

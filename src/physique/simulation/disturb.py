@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physique import skeleton
-from physique.simulation.character import Character
+from physique.character.model import Character
 
 Array = NDArray[np.float64]
 

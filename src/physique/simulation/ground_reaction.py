@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from physique.simulation.character import Character
+from physique.character.model import Character
 
 Array = NDArray[np.float64]
 

@@ -10,8 +10,9 @@ import mujoco.rollout
 import numpy as np
 from numpy.typing import NDArray
 
+from physique.character.model import Character
+from physique.character.servo import usable_limit
 from physique.compiled import compiled
-from physique.simulation.character import Character
 
 Array = NDArray[np.float64]
 
@@ -41,29 +42,6 @@ class Rollout:
     diverged: bool
 
 
-def within_limits(character: Character, control: Array, q: Array, v: Array) -> Array:
-    """Position targets (..., 50) moved so that the PD torque at (q, v) stays inside the limits.
-
-    A target beyond the limit gives the same torque but no derivative; at the limit it keeps both.
-    """
-    offset = control - q[..., 7:]
-    damping = character.damping * v[..., 6:]
-    limit = usable_limit(character)
-    torque = character.stiffness * offset - damping
-    return q[..., 7:] + (np.clip(torque, -limit, limit) + damping) / character.stiffness
-
-
-def pd_torque(character: Character, control: Array, q: Array, v: Array) -> Array:
-    """Eq. 1 within the limits: torques (..., 50), Nm."""
-    torque = character.stiffness * (control - q[..., 7:]) - character.damping * v[..., 6:]
-    return np.clip(torque, -character.torque_limit, character.torque_limit)
-
-
-def usable_limit(character: Character) -> Array:
-    """Torques (50,), Nm, just inside the limits: there a target still has its derivative."""
-    return character.torque_limit * (1.0 - 1e-6)
-
-
 class Feedback:
     """The controller u(t, x) = control + gain (x - x0), kept `within_limits`.
 
@@ -72,13 +50,7 @@ class Feedback:
     """
 
     def __init__(
-        self,
-        character: Character,
-        q: Array,
-        v: Array,
-        control: Array,
-        gain: Array,
-        bound: float = np.inf,
+        self, character: Character, q: Array, v: Array, control: Array, gain: Array, bound: float = np.inf
     ):
         self._bound = bound
         self._about = (q, v, control, np.ascontiguousarray(gain))
@@ -161,9 +133,7 @@ def simulate(
         diverged=False,
     )
     mujoco.mj_resetData(model, data)
-    qpos, qvel, ctrl, force, sensors = (
-        data.qpos, data.qvel, data.ctrl, data.actuator_force, data.sensordata,
-    )  # fmt: skip
+    qpos, qvel, ctrl, force, sensors = (data.qpos, data.qvel, data.ctrl, data.actuator_force, data.sensordata)
     qpos[:], qvel[:] = q, v
     time = 0.0
     for t in range(steps):
@@ -207,9 +177,7 @@ def simulate_many(
     # One step more than asked for: a step's sensors describe the state before it.
     padded = np.concatenate([control, control[:, -1:]], axis=1)
     start = np.concatenate([[0.0], q, v])
-    state, sensor = pool.rollout(
-        [model], datas, np.broadcast_to(start, (batch, len(start))), padded
-    )
+    state, sensor = pool.rollout([model], datas, np.broadcast_to(start, (batch, len(start))), padded)
     full = np.concatenate([np.broadcast_to(start, (batch, 1, len(start))), state[:, :steps]], 1)
     out_q, out_v = full[..., 1 : 1 + nq], full[..., 1 + nq : 1 + nq + nv]
     # A diverged simulation resets itself: its clock jumps back.

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from physique.simulation.character import Character
+from physique.character.model import Character
 from physique.simulation.ground_reaction import FloorContacts
 from physique.simulation.rollout import BLOWN_UP
 
@@ -152,9 +152,7 @@ class Session:
             self._data.xfrc_applied[body, 3:] += np.cross(point - pose.xipos[body], force)
         self._pushes = [(push, left - 1) for push, left in self._pushes if left > 1]
 
-    def _nearest(
-        self, data: mujoco.MjData, origin: Array, direction: Array
-    ) -> tuple[int, float, float]:
+    def _nearest(self, data: mujoco.MjData, origin: Array, direction: Array) -> tuple[int, float, float]:
         """The visible geom that the ray passes nearest to, how far along it, and the distance.
 
         Capsules are followed along their axes; other shapes count as the balls around them.
@@ -168,9 +166,7 @@ class Session:
         away = data.geom_xpos[geoms] - origin
         # The point of each axis nearest to the ray's line, kept inside the capsule.
         slope = axis @ direction
-        shift = (slope * (away @ direction) - np.sum(axis * away, axis=1)) / np.maximum(
-            1.0 - slope**2, 1e-9
-        )
+        shift = (slope * (away @ direction) - np.sum(axis * away, axis=1)) / np.maximum(1.0 - slope**2, 1e-9)
         away = away + np.clip(shift, -half, half)[:, None] * axis
         along = np.maximum(away @ direction, 0.0)
         miss = np.linalg.norm(away - along[:, None] * direction, axis=1) - radius

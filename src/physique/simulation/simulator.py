@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from physique.simulation import kinematics, smooth
-from physique.simulation import linearize as lin
-from physique.simulation.character import Character
+from physique.character import kinematics
+from physique.character.model import Character
+from physique.derivatives import linearize as lin
+from physique.derivatives import smooth
 from physique.simulation.rollout import Rollout, simulate, simulate_many
 
 Array = NDArray[np.float64]
@@ -50,9 +51,7 @@ class Simulator:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def run(
-        self, q: Array, v: Array, steps: int, controllers: Sequence[Controller]
-    ) -> list[Rollout]:
+    def run(self, q: Array, v: Array, steps: int, controllers: Sequence[Controller]) -> list[Rollout]:
         """One roll-out from (q, v) for each controller (t, q, v) -> targets (50,)."""
         self.steps += steps * len(controllers)
         out: list[Rollout | None] = [None] * len(controllers)
@@ -76,12 +75,8 @@ class Simulator:
         """Centre of mass (3,), m, at q (57,)."""
         return kinematics.poses(self.character, q[None], heights=False).com[0]
 
-    def linearize(
-        self, q: Array, v: Array, control: Array, v_next: Array | None = None
-    ) -> lin.Linearization:
+    def linearize(self, q: Array, v: Array, control: Array, v_next: Array | None = None) -> lin.Linearization:
         """Derivatives of the steps from q (N, 57), v (N, 56) under control (N, 50); v_next (N, 56):
         what they lead to, where it is known."""
         self.steps += len(control)
-        return lin.linearize(
-            self.character, self._tree, self._datas, self._executor, q, v, control, v_next
-        )
+        return lin.linearize(self.character, self._tree, self._datas, self._executor, q, v, control, v_next)

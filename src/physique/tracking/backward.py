@@ -16,11 +16,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from physique import dense
+from physique.character.servo import usable_limit
+from physique.character.state import difference
 from physique.compiled import compiled
-from physique.simulation.linearize import Linearization
-from physique.simulation.rollout import Rollout, usable_limit
-from physique.simulation.state import difference
+from physique.derivatives import dense
+from physique.derivatives.linearize import Linearization
+from physique.simulation.rollout import Rollout
 from physique.tracking.box import hold
 from physique.tracking.costs import Quadratic
 from physique.tracking.problem import Problem
@@ -32,7 +33,7 @@ DAMPING_LIMIT = 100.0  # Nm
 
 
 @dataclass(frozen=True)
-class Policy:
+class LinearPolicy:
     """u(t, x) = control + step * feedforward + feedback (x - x0); (N, 50), (N, 50), (N, 50, 112).
 
     gain: the decrease of E that the model predicts for a full step.
@@ -69,12 +70,10 @@ class _Steps(NamedTuple):
 
 def backward(
     problem: Problem, rollout: Rollout, linear: Linearization, cost: Quadratic, damping: float
-) -> Policy | None:
+) -> LinearPolicy | None:
     """The linear-quadratic policy about a roll-out; None where the damping is too small."""
     # Zero, but for a nominal motion that does not obey physics.
-    gaps = np.concatenate(
-        [difference(rollout.q[1:], linear.q), linear.v - rollout.v[1:]], axis=1
-    )  # (N, 112)
+    gaps = np.concatenate([difference(rollout.q[1:], linear.q), linear.v - rollout.v[1:]], axis=1)  # (N, 112)
     steps = _eliminate(problem, rollout, linear, damping)
     feedforward = np.empty_like(rollout.control)
     joints = np.empty_like(steps.target_x)
@@ -83,7 +82,7 @@ def backward(
         return None
     feedback = steps.target_w @ joints
     feedback += steps.target_x
-    return Policy(feedforward, feedback, gain)
+    return LinearPolicy(feedforward, feedback, gain)
 
 
 def _eliminate(problem: Problem, rollout: Rollout, linear: Linearization, damping: float) -> _Steps:
@@ -91,9 +90,7 @@ def _eliminate(problem: Problem, rollout: Rollout, linear: Linearization, dampin
     mass, h, nv = linear.mass, linear.timestep, linear.v.shape[1]
     drive = h * linear.drive
     drive[:, :, nv:] += mass
-    solved = np.linalg.solve(
-        mass[:, :6, :6], np.concatenate([drive[:, :6], -mass[:, :6, 6:]], axis=2)
-    )
+    solved = np.linalg.solve(mass[:, :6, :6], np.concatenate([drive[:, :6], -mass[:, :6, 6:]], axis=2))
     root_x, root_w = solved[..., : 2 * nv].copy(), solved[..., 2 * nv :].copy()
     per_target = (h * linear.gain)[..., None]
     target_x = (mass[:, 6:, :6] @ root_x - drive[:, 6:]) / per_target
@@ -301,9 +298,7 @@ def _turn_rows(out: Array, matrix: Array, turn: Array) -> None:
     dense.copy(out, matrix)
     for i in range(3):
         for k in range(matrix.shape[1]):
-            out[3 + i, k] = (
-                turn[0, i] * matrix[3, k] + turn[1, i] * matrix[4, k] + turn[2, i] * matrix[5, k]
-            )
+            out[3 + i, k] = turn[0, i] * matrix[3, k] + turn[1, i] * matrix[4, k] + turn[2, i] * matrix[5, k]
 
 
 @compiled
@@ -312,6 +307,4 @@ def _turn_columns(out: Array, matrix: Array, turn: Array) -> None:
     dense.copy(out, matrix)
     for k in range(matrix.shape[0]):
         for i in range(3):
-            out[k, 3 + i] = (
-                matrix[k, 3] * turn[0, i] + matrix[k, 4] * turn[1, i] + matrix[k, 5] * turn[2, i]
-            )
+            out[k, 3 + i] = matrix[k, 3] * turn[0, i] + matrix[k, 4] * turn[1, i] + matrix[k, 5] * turn[2, i]

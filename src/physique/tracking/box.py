@@ -13,8 +13,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from physique import dense
 from physique.compiled import compiled
+from physique.derivatives import dense
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

@@ -29,7 +29,7 @@ DIVERGED = 1e12
 
 
 @dataclass(frozen=True)
-class Options:
+class CmaOptions:
     """Settings of the optimiser; the defaults are the paper's.
 
     samples: simulations an iteration. iterations: at most. sigma: rad, the first standard
@@ -58,7 +58,7 @@ def solve(
     problem: Problem,
     simulator: Simulator,
     nominal: Rollout,
-    options: Options = Options(),
+    options: CmaOptions = CmaOptions(),
     on_iteration: Callable[[int, float], None] | None = None,
 ) -> Solution:
     """Minimise E over spline knots, from zero (the T-pose) or from the nominal controls.
@@ -96,21 +96,14 @@ def solve(
 
 
 def sampled_solution(
-    problem: Problem,
-    simulator: Simulator,
-    control: Array,
-    history: list[float],
-    before: int,
-    status: str,
+    problem: Problem, simulator: Simulator, control: Array, history: list[float], before: int, status: str
 ) -> Solution:
     """The best controls (N, 50) of a search, run once more for the states.
 
     history: lowest E so far, `DIVERGED` while every sample was. before: `simulator.steps` at the
     search's start.
     """
-    rollout = simulator.run(
-        problem.q0, problem.v0, problem.steps, [lambda t, q, v: control[t]]
-    )[0]  # fmt: skip
+    rollout = simulator.run(problem.q0, problem.v0, problem.steps, [lambda t, q, v: control[t]])[0]
     return Solution(
         rollout=rollout,
         cost=problem.cost(rollout),

@@ -17,12 +17,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from physique.simulation import kinematics
-from physique.simulation.linearize import Linearization
+from physique.character import kinematics
+from physique.derivatives.linearize import Linearization
 from physique.simulation.rollout import Feedback, Rollout
 from physique.simulation.simulator import Simulator
 from physique.tracking import costs
-from physique.tracking.backward import Policy, backward
+from physique.tracking.backward import LinearPolicy, backward
 from physique.tracking.costs import Quadratic
 from physique.tracking.problem import Problem, Solution
 
@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Options:
+class DdpOptions:
     """Settings of the optimiser.
 
     iterations: at most. tolerance: stop when the model promises less than this fraction of E, or of
@@ -63,7 +63,7 @@ def solve(
     problem: Problem,
     simulator: Simulator,
     nominal: Rollout,
-    options: Options = Options(),
+    options: DdpOptions = DdpOptions(),
     on_iteration: Callable[[int, float], None] | None = None,
 ) -> Solution:
     """Minimise E, starting from the nominal motion, which need not obey physics.
@@ -100,7 +100,7 @@ def _search(
     problem: Problem,
     simulator: Simulator,
     nominal: Rollout,
-    options: Options,
+    options: DdpOptions,
     on_iteration: Callable[[int, float], None],
 ) -> Solution:
     """From one damping to the bottom of one valley."""
@@ -139,7 +139,7 @@ def _search(
     return Solution(best, cost, tuple(history), simulator.steps - before, status)
 
 
-def _adapt(damping: float, length: float, options: Options) -> float:
+def _adapt(damping: float, length: float, options: DdpOptions) -> float:
     """Short steps mean that the linear model was trusted too far."""
     factor = 1 / 4 if length == 1.0 else 1.0 if length == 0.5 else 4.0
     return float(np.clip(damping * factor, options.damping_least, options.damping_most))
@@ -150,7 +150,7 @@ def _close_gaps(
     simulator: Simulator,
     nominal: Rollout,
     derivatives: tuple[Linearization, Quadratic],
-    options: Options,
+    options: DdpOptions,
 ) -> tuple[Rollout, float]:
     """The best roll-out about the nominal motion, with feedback or without."""
     controllers = [
@@ -172,9 +172,15 @@ def _expand(
     linear = simulator.linearize(rollout.q[:-1], rollout.v[:-1], rollout.control, v_next)
     jacobian = kinematics.com_jacobian(problem.character, rollout.q)
     quadratic = costs.expand(
-        problem.weights, problem.target, rollout.q, rollout.v, rollout.com, rollout.com_velocity,
-        jacobian, kink,
-    )  # fmt: skip
+        problem.weights,
+        problem.target,
+        rollout.q,
+        rollout.v,
+        rollout.com,
+        rollout.com_velocity,
+        jacobian,
+        kink,
+    )
     return linear, quadratic
 
 
@@ -183,16 +189,18 @@ def _line_search(
     simulator: Simulator,
     best: Rollout,
     cost: float,
-    policy: Policy,
+    policy: LinearPolicy,
     lengths: tuple[float, ...],
 ) -> tuple[Rollout, float, float] | None:
     """The first pair of step lengths of which one lowers E, and the better of the two."""
     for i in range(0, len(lengths), 2):
         pair = lengths[i : i + 2]
         rollouts = simulator.run(
-            problem.q0, problem.v0, problem.steps,
+            problem.q0,
+            problem.v0,
+            problem.steps,
             [closed_loop(problem, best, policy, length) for length in pair],
-        )  # fmt: skip
+        )
         found = [(problem.cost(r), -length, r) for r, length in zip(rollouts, pair)]
         low, minus_length, rollout = min(found, key=lambda f: f[:2])
         if low < cost:
@@ -200,9 +208,8 @@ def _line_search(
     return None
 
 
-def closed_loop(problem: Problem, about: Rollout, policy: Policy, length: float) -> Feedback:
+def closed_loop(problem: Problem, about: Rollout, policy: LinearPolicy, length: float) -> Feedback:
     """The controller that follows `policy` with its feedforward scaled by `length`."""
     return Feedback(
-        problem.character, about.q, about.v,
-        about.control + length * policy.feedforward, policy.feedback,
-    )  # fmt: skip
+        problem.character, about.q, about.v, about.control + length * policy.feedforward, policy.feedback
+    )

@@ -7,11 +7,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from physique.simulation import kinematics
-from physique.simulation.character import Character
-from physique.simulation.rollout import Rollout, pd_torque, within_limits
+from physique.character import kinematics
+from physique.character.model import Character
+from physique.character.servo import pd_torque, within_limits
+from physique.reference.target import Target, Weights
+from physique.simulation.rollout import Rollout
 from physique.tracking import costs
-from physique.tracking.costs import Target, Weights
 
 Array = NDArray[np.float64]
 
@@ -43,17 +44,14 @@ class Problem:
     def terms(self, q: Array, v: Array, com: Array, com_velocity: Array) -> dict[str, Array]:
         """Weighted terms of Eq. 2 of motions (..., N + 1, .) that start in (q0, v0)."""
         return costs.evaluate(
-            self.weights, self.target, q, v, com, com_velocity,
-            float(self.character.model.opt.timestep),
-        )  # fmt: skip
+            self.weights, self.target, q, v, com, com_velocity, float(self.character.model.opt.timestep)
+        )
 
     def cost(self, rollout: Rollout) -> float:
         """E of Eq. 2; infinite for a simulation that diverged."""
         if rollout.diverged:
             return float("inf")
-        return float(
-            costs.total(self.terms(rollout.q, rollout.v, rollout.com, rollout.com_velocity))
-        )
+        return float(costs.total(self.terms(rollout.q, rollout.v, rollout.com, rollout.com_velocity)))
 
 
 def nominal_motion(problem: Problem, q: Array, v: Array, control: Array) -> Rollout:

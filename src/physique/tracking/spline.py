@@ -32,9 +32,11 @@ def knot_matrix(knots: int, steps: int, degree: int = DEGREE) -> Array:
         raise InputError("spline", f"{knots} knots", f"at least {degree + 1}", "ask for more knots")
     if steps < knots:
         raise InputError(
-            "spline", f"{steps} steps for {knots} knots", "at least one step a knot",
+            "spline",
+            f"{steps} steps for {knots} knots",
+            "at least one step a knot",
             "lengthen the window or ask for fewer knots",
-        )  # fmt: skip
+        )
     breaks = np.linspace(0.0, 1.0, knots - degree + 1)
     padded = np.concatenate([np.zeros(degree), breaks, np.ones(degree)])
     middle = (np.arange(steps) + 0.5) / steps

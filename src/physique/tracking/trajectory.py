@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from physique.tracking.reference import Reference
+from physique.reference.reference import Reference
 from physique.tracking.windows import Window
 
 Array = NDArray[np.float64]

@@ -13,12 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from physique.simulation.character import Character
+from physique.character.model import Character
+from physique.reference.reference import Reference
+from physique.reference.target import Weights
 from physique.simulation.rollout import Rollout
 from physique.simulation.simulator import Simulator
-from physique.tracking.costs import Weights
 from physique.tracking.problem import Problem, Solution, warm_start
-from physique.tracking.reference import Reference
 
 Array = NDArray[np.float64]
 
@@ -110,9 +110,7 @@ def _optimize(
     shift = com[:2] - reference.com[start, :2]
     target = reference.target(start, end + 1, shift)
     problem = Problem(character, q, v, target, weights)
-    planned = (
-        (previous.tail_q, previous.tail_v, previous.tail_control) if previous is not None else None
-    )
+    planned = (previous.tail_q, previous.tail_v, previous.tail_control) if previous is not None else None
     before = simulator.steps
     solution = optimizer(problem, simulator, warm_start(problem, planned))
     motion = solution.rollout

@@ -1,0 +1,1 @@
+"""The body as a MuJoCo model: hinges, strength, servos, states, and what its poses look like."""

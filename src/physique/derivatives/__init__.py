@@ -1,0 +1,1 @@
+"""The derivatives of a simulated step, in closed form and compiled loops."""

@@ -1,0 +1,1 @@
+"""WHAT this body should do: the motion on its skeleton, on the simulator's grid."""

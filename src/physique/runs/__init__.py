@@ -1,0 +1,1 @@
+"""A run and its folder, and how good it is in numbers."""
