@@ -58,6 +58,7 @@ def repeated(run: Run, seconds: float) -> Run:
             motion.control[steps],
             motion.torque[steps],
             motion.reference_q[index],
+            motion.shift[index],
         ),
     )
 

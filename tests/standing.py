@@ -51,7 +51,13 @@ def make_standing(mesh: BodyMesh, body: CapsuleBody, name: str = "standing") -> 
     data = mujoco.MjData(character.model)
     rollout = simulate(character, data, q, np.zeros(56), frames - 1, law)
     trajectory = Trajectory(
-        0.01 * np.arange(frames), rollout.q, rollout.v, rollout.control, rollout.torque, rollout.q.copy()
+        0.01 * np.arange(frames),
+        rollout.q,
+        rollout.v,
+        rollout.control,
+        rollout.torque,
+        rollout.q.copy(),
+        np.zeros((frames, 2)),
     )
     windows = [
         {"start": 0.0, "end": SECONDS / 2, "difficulty": 1.5},

@@ -19,7 +19,13 @@ def shown_run(character: Character, walk: Reference) -> Run:
     """Half a second of the walk as if it had been simulated."""
     nothing = np.zeros((50, 50))
     motion = Trajectory(
-        np.arange(51) * walk.timestep, walk.q[:51], walk.v[:51], nothing, nothing, walk.q[:51]
+        np.arange(51) * walk.timestep,
+        walk.q[:51],
+        walk.v[:51],
+        nothing,
+        nothing,
+        walk.q[:51],
+        np.zeros((51, 2)),
     )
     record = {"identity": {"clip": "walk"}}
     return Run(record, {}, motion, character.xml, character.body, named_body("average"))

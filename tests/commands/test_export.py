@@ -23,7 +23,6 @@ from physique.commands.export import SUFFIXES, Format, export_run, file_names
 from physique.errors import InputError
 from physique.motion.bvh import read_bvh
 from physique.runs.run import Run, finish_run, load_run
-from physique.tracking.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
@@ -186,17 +185,7 @@ def test_an_export_that_fails_leaves_the_old_file(
 
 def test_a_run_of_one_frame_can_be_exported(run: Run, tmp_path: Path) -> None:
     motion = run.trajectory
-    one = replace(
-        run,
-        trajectory=Trajectory(
-            motion.times[:1],
-            motion.q[:1],
-            motion.v[:1],
-            motion.control[:0],
-            motion.torque[:0],
-            motion.reference_q[:1],
-        ),
-    )
+    one = replace(run, trajectory=motion.beginning(1))
     kinds: list[Format] = ["bvh", "usd", "amass", "mjcf", "csv"]
     for kind in kinds:
         out = tmp_path / f"a{SUFFIXES[kind][0]}"

@@ -29,7 +29,6 @@ from physique.live.serve import check_address, serving, view
 from physique.live.show import Show
 from physique.render.skin import joint_transforms
 from physique.runs.run import Run, finish_run
-from physique.tracking.trajectory import Trajectory
 
 
 def refusal(capfd: pytest.CaptureFixture[str], *arguments: object) -> str:
@@ -83,9 +82,7 @@ def test_folders_that_are_no_runs(capfd: pytest.CaptureFixture[str], tmp_path: P
 
 def test_a_run_that_blew_up_at_once(capfd: pytest.CaptureFixture[str], standing: Run, tmp_path: Path) -> None:
     whole = standing.trajectory
-    start = Trajectory(
-        whole.times[:1], whole.q[:1], whole.v[:1], whole.control[:0], whole.torque[:0], whole.reference_q[:1]
-    )
+    start = whole.beginning(1)
     finish_run(tmp_path, replace(standing, trajectory=start))
     assert "blew up at its start" in refusal(capfd, tmp_path)
 

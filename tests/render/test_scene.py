@@ -11,17 +11,12 @@ from physique.errors import InputError
 from physique.render.scene import make_actor, stage, stage_runs
 from physique.render.surface import capsule_surface
 from physique.runs.run import Run
-from physique.tracking.trajectory import Trajectory
 
 SIZE = (200, 150)
 
 
 def shorter(run: Run, frames: int) -> Run:
-    motion = run.trajectory
-    cut = {name: value[:frames] for name, value in vars(motion).items()}
-    for name in ("control", "torque"):
-        cut[name] = cut[name][: frames - 1]
-    return replace(run, trajectory=Trajectory(**cut))
+    return replace(run, trajectory=run.trajectory.beginning(frames))
 
 
 def test_figures_stand_side_by_side_in_the_picture(run: Run) -> None:

@@ -38,6 +38,7 @@ def as_performed(reference: Reference, move: np.ndarray, shift: np.ndarray) -> T
         control=q[1:, 7:],
         torque=np.zeros((frames - 1, 50)),
         reference_q=wanted,
+        shift=wanted[:, :2] - reference.q[:, :2],
     )
 
 
@@ -108,14 +109,7 @@ def test_success_ends_at_half_a_metre(character: Character, reference: Reference
 
 def test_a_motion_cut_short_is_no_success(character: Character, reference: Reference) -> None:
     whole = as_performed(reference, np.zeros(3), np.zeros(2))
-    cut = Trajectory(
-        times=whole.times[:11],
-        q=whole.q[:11],
-        v=whole.v[:11],
-        control=whole.control[:10],
-        torque=whole.torque[:10],
-        reference_q=whole.reference_q[:11],
-    )
+    cut = whole.beginning(11)
     m = metrics.measure(character, reference, cut, [window(cut, 0, 10, np.zeros(2))], Weights())
     assert m["success"] is False
     assert m["mpjpe_mm"] == pytest.approx(0, abs=1e-9)

@@ -32,7 +32,7 @@ from physique.tracking.windows import Window
 
 log = logging.getLogger(__name__)
 
-FORMAT = "physique-run-1"
+FORMAT = "physique-run-2"
 RECORD, METRICS, TRAJECTORY = "run.json", "metrics.json", "trajectory.npz"
 CHARACTER, BODY, BVH, WINDOWS = "character.xml", "body.npz", "motion.bvh", "windows"
 POLICY, TREE, TREE_ROUNDS = "policy.npz", "tree.json", "tree"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,8 @@ class Trajectory:
 
     times (T,) s; q (T, 57), v (T, 56) states; control (T - 1, 50) rad, the position targets that
     lead from each frame to the next; torque (T - 1, 50) Nm, what they exert; reference_q (T, 57),
-    the reference as it was moved for each window.
+    the reference as it was moved for each window, against which errors are measured; shift (T, 2)
+    m, how far, which jumps from window to window.
     """
 
     times: Array
@@ -29,11 +30,26 @@ class Trajectory:
     control: Array
     torque: Array
     reference_q: Array
+    shift: Array
 
     @property
     def frames(self) -> int:
         """Number of frames T."""
         return len(self.q)
+
+    @property
+    def source_q(self) -> Array:
+        """(T, 57), the source motion on this body where it was recorded: the reference unmoved."""
+        q = self.reference_q.copy()
+        q[:, :2] -= self.shift
+        return q
+
+    def beginning(self, frames: int) -> Trajectory:
+        """The first `frames` frames."""
+        steps = ("control", "torque")
+        return Trajectory(
+            **{f.name: getattr(self, f.name)[: frames - (f.name in steps)] for f in fields(self)}
+        )
 
 
 def join(reference: Reference, q0: Array, v0: Array, windows: Sequence[Window]) -> Trajectory:
@@ -57,4 +73,5 @@ def join(reference: Reference, q0: Array, v0: Array, windows: Sequence[Window]) 
         control=np.concatenate([nothing, *(w.control for w in windows)]),
         torque=np.concatenate([nothing, *(w.torque for w in windows)]),
         reference_q=reference_q,
+        shift=shift,
     )
