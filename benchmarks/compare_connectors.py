@@ -28,10 +28,10 @@ from physique.feedback.pushes import random_pushes
 from physique.feedback.tree import grown
 from physique.runs.run import load_run
 from physique.simulation.closed_loop import Servo
-from physique.simulation.disturb import Push, simulate_pushed
-from physique.simulation.quiet import quiet
-from physique.simulation.rollout import Feedback
-from physique.simulation.simulator import Simulator
+from physique.simulation.linear_feedback import Feedback
+from physique.simulation.mujoco_simulator import MujocoSimulator
+from physique.simulation.process import quiet
+from physique.simulation.stepper import Push
 
 
 @dataclass(frozen=True)
@@ -58,15 +58,14 @@ def main() -> None:
     character, motion = run.character(), run.trajectory
     rng = np.random.default_rng(options.seed)
     rows = []
-    with quiet(), Simulator(character, 1) as simulator:
+    with quiet(), MujocoSimulator(character, 1) as simulator:
         trunk = make_trunk(simulator, motion.q, motion.v, motion.control)
         tree = root(trunk)
         law = Feedback(character, trunk.q, trunk.v, trunk.control, trunk.gains, BOUND)
         chooser = Chooser(Servo(character.xml), tree, DEFAULT, 1)
         while len(rows) < options.states:
             push = random_pushes(rng, 1, options.impulse, 10, (0, trunk.last - 150), 0.01)[0]
-            moved = simulate_pushed(
-                character,
+            moved = simulator.perform(
                 trunk.q[push.start],
                 trunk.v[push.start],
                 10,

@@ -38,7 +38,8 @@ from physique.character.model import Character, make_character
 from physique.motion.read import read_motion
 from physique.reference.reference import make_reference
 from physique.runs.metrics import joint_errors
-from physique.simulation.quiet import quiet
+from physique.simulation.mujoco_simulator import MujocoSimulator
+from physique.simulation.process import quiet
 from physique.simulation.rollout import Rollout
 from physique.simulation.simulator import Simulator
 from physique.store import write_atomic
@@ -180,7 +181,7 @@ class Point(NamedTuple):
 def run(optimizer: Optimizer, problem: Problem, threads: int, store: Callable[[dict], None]) -> None:
     """The curve of an optimiser. Seconds are of the processor: other work does not count."""
     watched = Watched(problem.character, problem.q0, problem.v0, problem.target, problem.weights)
-    with Simulator(problem.character, threads) as simulator:
+    with MujocoSimulator(problem.character, threads) as simulator:
         curve: list[Point] = []
         begin = last = time.process_time()
 

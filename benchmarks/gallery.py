@@ -34,7 +34,7 @@ from physique.body.held import Hand
 from physique.character import kinematics
 from physique.render.scene import Scene, stage_runs
 from physique.runs.metrics import SUCCESS_LIMIT, joint_errors
-from physique.simulation.session import PUSH_SECONDS, Push, Session
+from physique.simulation.session import PUSH_SECONDS, Hit, Session
 from physique.store import prepare_folder, write_atomic
 
 Array = NDArray[np.float64]
@@ -124,8 +124,9 @@ def push(folder: Path) -> Film:
         raise MissingError(f"no {policy}: `physique retarget`, then `physique grow` make one")
     run = physique.load_run(folder)
     at, one, answers = _telling_push(run, policy)
-    strength = float(np.linalg.norm(one.impulse))
-    print(f"push: {strength:.0f} Ns on {skeleton.JOINTS[one.part]} at {at * run.timestep:.2f} s")
+    struck, impulse = one
+    strength = float(np.linalg.norm(impulse))
+    print(f"push: {strength:.0f} Ns on {skeleton.JOINTS[struck.part]} at {at * run.timestep:.2f} s")
     runs = [replace(run, trajectory=replace(run.trajectory, q=q)) for q in answers.values()]
     scene = _stage(runs, list(answers), (560, 320), 40, 6)
     hit = replace(
@@ -248,7 +249,7 @@ def _stage(
     return replace(scene, actors=actors, camera=camera, route=route)
 
 
-def _telling_push(run: physique.Run, policy: Path) -> tuple[int, Push, dict[str, Array]]:
+def _telling_push(run: physique.Run, policy: Path) -> tuple[int, tuple[Hit, Array], dict[str, Array]]:
     """The first of random pushes that the tree survives and LQR does not: when, what, motions."""
     rng = np.random.default_rng(0)
     frames = run.trajectory.frames
@@ -256,7 +257,7 @@ def _telling_push(run: physique.Run, policy: Path) -> tuple[int, Push, dict[str,
         at = int(rng.integers(frames // 8, frames // 2))
         direction = rng.normal(size=3) * np.array([1.0, 1.0, 0.2])
         impulse = rng.uniform(15.0, 60.0) * direction / np.linalg.norm(direction)
-        one = Push(skeleton.INDEX["spine3"], np.zeros(3), impulse)
+        one = Hit(skeleton.INDEX["spine3"], np.zeros(3)), impulse
         by_lqr = _answer(run, policy, "lqr", at, one)
         if _survives(run, by_lqr):
             continue
@@ -267,7 +268,7 @@ def _telling_push(run: physique.Run, policy: Path) -> tuple[int, Push, dict[str,
     raise MissingError("of 200 pushes there is none that the tree survives and LQR does not")
 
 
-def _answer(run: physique.Run, path: Path, controller: str, at: int, one: Push) -> Array:
+def _answer(run: physique.Run, path: Path, controller: str, at: int, one: tuple[Hit, Array]) -> Array:
     """States (T, 57) of the run under a controller, pushed at a frame."""
     load_policy = importlib.import_module("physique.feedback.policy").load_policy
     policy, motion = load_policy(path, controller), run.trajectory
@@ -275,7 +276,7 @@ def _answer(run: physique.Run, path: Path, controller: str, at: int, one: Push) 
     q = [session.q]
     for t in range(motion.frames - 1):
         if t == at:
-            session.push(one)
+            session.push(*one)
         session.step(policy.act(session.q, session.v))
         q.append(session.q)
     return np.array(q)

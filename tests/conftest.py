@@ -23,8 +23,9 @@ from physique.reference.reference import Reference, make_reference
 from physique.reference.target import Weights
 from physique.runs import metrics
 from physique.runs.run import Run
-from physique.simulation.quiet import quiet
+from physique.simulation.process import quiet
 from physique.simulation.rollout import simulate
+from physique.simulation.stepper import Stepper
 from physique.tracking.trajectory import join
 from physique.tracking.windows import Window
 
@@ -94,7 +95,7 @@ def follow(character: Character, walk: Reference, held: Held | None = None) -> R
     def lead(t: int, q: Array, v: Array) -> Array:
         return within_limits(character, walk.q[t + 1, 7:], q, v)
 
-    made = simulate(character, mujoco.MjData(character.model), q0, v0, frames - 1, lead)
+    made = simulate(Stepper(character.model), q0, v0, frames - 1, lead)[0]
     assert not made.diverged
     parts = [(0, 30, {"com": 0.2, "pose": 0.5}), (30, 50, {"com": 11.0, "pose": 14.0})]
     windows = [

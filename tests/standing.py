@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
@@ -16,8 +15,10 @@ from physique.character.model import make_character
 from physique.character.strength import torque_limits
 from physique.live.controllers import Replay
 from physique.runs.run import Run
-from physique.simulation.rollout import Feedback, simulate
-from physique.simulation.simulator import Simulator
+from physique.simulation.linear_feedback import Feedback
+from physique.simulation.mujoco_simulator import MujocoSimulator
+from physique.simulation.rollout import simulate
+from physique.simulation.stepper import Stepper
 from physique.tracking.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -41,15 +42,14 @@ def make_standing(mesh: BodyMesh, body: CapsuleBody, name: str = "standing") -> 
     q[7 + joints.index("left_shoulder_x")] = -1.1
     q[7 + joints.index("right_shoulder_x")] = 1.1
     q[2] = -0.002 - kinematics.poses(character, q[None]).lowest.min()
-    with Simulator(character, 1) as simulator:
+    with MujocoSimulator(character, 1) as simulator:
         linear = simulator.linearize(q[None], np.zeros((1, 56)), q[None, 7:])
     gain = regulator(*linear.matrices(0))
     still = np.tile(q, (frames, 1))
     control = np.tile(q[7:], (frames - 1, 1))
     control[:, joints.index("spine2_z")] = 0.2 * np.sin(0.03 * np.arange(frames - 1))
     law = Feedback(character, still, np.zeros((frames, 56)), control, every(gain, frames))
-    data = mujoco.MjData(character.model)
-    rollout = simulate(character, data, q, np.zeros(56), frames - 1, law)
+    rollout = simulate(Stepper(character.model), q, np.zeros(56), frames - 1, law)[0]
     trajectory = Trajectory(
         0.01 * np.arange(frames),
         rollout.q,

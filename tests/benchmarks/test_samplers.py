@@ -11,6 +11,7 @@ import pytest
 
 from compare_optimizers import start_nominal
 from physique.errors import InputError
+from physique.simulation.mujoco_simulator import MujocoSimulator
 from physique.simulation.simulator import Simulator
 from physique.tracking import cma
 from physique.tracking.problem import Problem, Solution
@@ -34,7 +35,7 @@ def solve(
 ) -> tuple[Solution, list[tuple[int, float]]]:
     function, options = sampler
     calls: list[tuple[int, float]] = []
-    with Simulator(problem.character, threads) as simulator:
+    with MujocoSimulator(problem.character, threads) as simulator:
         solution = function(
             problem,
             simulator,
@@ -70,7 +71,7 @@ def test_solution_is_what_its_controls_do(
     problem: Problem, found: tuple[Solution, list[tuple[int, float]]]
 ) -> None:
     rollout = found[0].rollout
-    with Simulator(problem.character, 1) as simulator:
+    with MujocoSimulator(problem.character, 1) as simulator:
         again = cma.evaluate(problem, simulator, rollout.control[None])[0]
     assert found[0].cost == problem.cost(rollout)
     assert again == pytest.approx(found[0].cost, rel=1e-12)
@@ -107,14 +108,14 @@ def test_all_steps_are_counted_and_stay_within_the_budget(
     problem: Problem, sampler: Sampler, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     taken = 0
-    plain = Simulator.run_open_loop
+    plain = MujocoSimulator.run_open_loop
 
     def count(self: Simulator, q: np.ndarray, v: np.ndarray, control: np.ndarray) -> Any:
         nonlocal taken
         taken += len(control) * (control.shape[1] + 1)
         return plain(self, q, v, control)
 
-    monkeypatch.setattr(Simulator, "run_open_loop", count)
+    monkeypatch.setattr(MujocoSimulator, "run_open_loop", count)
     solution, _ = solve(problem, sampler, budget=2_000)
     assert solution.steps == taken + problem.steps  # and the last run of the result
     batch = sampler[1].samples * (problem.steps + 1)

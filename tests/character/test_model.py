@@ -15,6 +15,7 @@ from physique.character.state import integrate
 from physique.motion.read import read_motion
 from physique.reference.reference import Reference, make_reference
 from physique.simulation.rollout import simulate
+from physique.simulation.stepper import Stepper
 
 #: MJCF text holds six significant digits, so lengths are off by micrometres.
 DIGITS = 6e-6
@@ -71,10 +72,8 @@ def test_shapes_stand_where_the_bodys_parts_are(character: Character) -> None:
 
 def test_the_text_alone_replays_a_simulation(character: Character, walk: Reference) -> None:
     steps = 60
-    data = mujoco.MjData(character.model)
-    r = simulate(
-        character,
-        data,
+    r, _ = simulate(
+        Stepper(character.model),
         walk.q[20],
         walk.v[20],
         steps,

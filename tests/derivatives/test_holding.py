@@ -20,6 +20,7 @@ from physique.character.state import difference, integrate
 from physique.motion.read import read_motion
 from physique.reference.reference import Reference, carry, make_reference
 from physique.simulation.rollout import simulate
+from physique.simulation.stepper import Stepper
 
 OBJECTS = [("stick:2kg", "right"), ("block:5kg:0.3m", "both"), ("stick:10kg:2m", "left")]
 
@@ -231,9 +232,8 @@ def test_the_least_change_is_a_minimum(loaded: Character, walk: Reference) -> No
 
 def test_the_text_alone_replays_it(loaded: Character, walk: Reference) -> None:
     steps = 40
-    r = simulate(
-        loaded,
-        mujoco.MjData(loaded.model),
+    r, _ = simulate(
+        Stepper(loaded.model),
         walk.q[20],
         walk.v[20],
         steps,

@@ -14,7 +14,7 @@ from physique.feedback.growth import root
 from physique.feedback.tree import Tree
 from physique.motion.read import trim
 from physique.runs.run import Run
-from physique.simulation.simulator import Simulator
+from physique.simulation.mujoco_simulator import MujocoSimulator
 
 
 @pytest.fixture(scope="session")
@@ -37,7 +37,7 @@ def folder(run: Run) -> Path:
 def trunk(run: Run) -> Trunk:
     """Its motion with LQR."""
     motion = run.trajectory
-    with Simulator(run.character(), 1) as simulator:
+    with MujocoSimulator(run.character(), 1) as simulator:
         return make_trunk(simulator, motion.q, motion.v, motion.control)
 
 

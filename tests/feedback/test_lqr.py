@@ -13,7 +13,7 @@ from physique.character.state import difference, integrate
 from physique.feedback import lqr
 from physique.feedback.connect import Trunk
 from physique.runs.run import Run
-from physique.simulation.simulator import Simulator
+from physique.simulation.mujoco_simulator import MujocoSimulator
 
 
 def system(seed: int, steps: int, n: int = 5, m: int = 2) -> tuple[np.ndarray, ...]:
@@ -68,7 +68,7 @@ def test_the_closed_loop_is_that_of_the_simulator(run: Run) -> None:
     character, motion = run.character(), run.trajectory
     t = 20
     q, v, u = motion.q[t], motion.v[t], motion.control[t]
-    with Simulator(character, 1) as simulator:
+    with MujocoSimulator(character, 1) as simulator:
         linear = simulator.linearize(q[None], v[None], u[None], motion.v[t + 1][None])
     A, B = lqr.torque_system(character, linear)
     L = lqr.riccati(A, B, *lqr.cost_matrices(character, motion.q[t : t + 2], lqr.LqrWeights()))[0]
@@ -92,7 +92,7 @@ def test_the_closed_loop_is_that_of_the_simulator(run: Run) -> None:
 def test_both_forms_of_the_gains_have_the_same_closed_loop(run: Run) -> None:
     character, motion = run.character(), run.trajectory
     part = slice(10, 20)
-    with Simulator(character, 1) as simulator:
+    with MujocoSimulator(character, 1) as simulator:
         linear = simulator.linearize(motion.q[part], motion.v[part], motion.control[part])
     A, B = lqr.torque_system(character, linear)
     Q, R = lqr.cost_matrices(character, motion.q[10:21], lqr.LqrWeights())

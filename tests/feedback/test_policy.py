@@ -17,7 +17,8 @@ from physique.feedback.policy import Policy, load_policy
 from physique.feedback.tree import Branch, Tree, grown, read_policy, save_policy
 from physique.runs.run import Run
 from physique.simulation.closed_loop import Servo, motor_model
-from physique.simulation.disturb import Push, simulate_pushed
+from physique.simulation.mujoco_simulator import MujocoSimulator
+from physique.simulation.stepper import Push
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -140,7 +141,8 @@ def test_a_decision_waits_for_the_pushs_end_but_not_for_ever(
         return targets
 
     push = Push(9, (200.0, 0.0, 0.0), 0, steps)
-    simulate_pushed(run.character(), tree.q[2], tree.v[2], first + 1, control, push)
+    with MujocoSimulator(run.character(), 1) as simulator:
+        simulator.perform(tree.q[2], tree.v[2], first + 1, control, push)
     assert decided == [first]
 
 

@@ -17,7 +17,7 @@ from physique.feedback.law import Law
 from physique.feedback.tree import Tree, grown
 from physique.runs.run import Run
 from physique.simulation.closed_loop import Servo
-from physique.simulation.simulator import Simulator
+from physique.simulation.mujoco_simulator import MujocoSimulator
 
 FEW = Settings(interval=0.3, forces=(900.0,), trials=3)
 
@@ -61,7 +61,7 @@ def test_distance_is_zero_at_the_node_and_grows(tree: Tree) -> None:
 def test_a_branch_leads_from_the_state_to_the_motion(
     run: Run, trunk: Trunk, tree: Tree, pushed: tuple
 ) -> None:
-    with Simulator(run.character(), 1) as simulator:
+    with MujocoSimulator(run.character(), 1) as simulator:
         branch = connect(simulator, trunk, *pushed, 10)
         assert branch is not None
         assert np.array_equal(branch.q[0], pushed[0])

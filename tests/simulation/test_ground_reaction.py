@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,6 +13,7 @@ from physique.character.start import start_state
 from physique.reference.reference import Reference
 from physique.simulation.ground_reaction import ground_reaction
 from physique.simulation.rollout import Rollout, simulate
+from physique.simulation.stepper import Stepper
 
 Array = NDArray[np.float64]
 
@@ -27,7 +27,7 @@ def played(character: Character, walk: Reference, first: int, steps: int) -> Rol
     def follow(t: int, q: Array, v: Array) -> Array:
         return within_limits(character, walk.q[first + t + 1, 7:], q, v)
 
-    return simulate(character, mujoco.MjData(character.model), q, v, steps, follow)
+    return simulate(Stepper(character.model), q, v, steps, follow)[0]
 
 
 def com_acceleration(character: Character, made: Rollout) -> Array:
@@ -54,13 +54,8 @@ def test_a_body_that_stands_weighs_on_its_soles(character: Character, walk: Refe
     q = np.zeros(57)
     q[:3], q[3] = character.body.joints[0], 1.0
     rest = q[7:].copy()
-    made = simulate(
-        character,
-        mujoco.MjData(character.model),
-        q,
-        np.zeros(56),
-        40,
-        lambda t, q, v: within_limits(character, rest, q, v),
+    made, _ = simulate(
+        Stepper(character.model), q, np.zeros(56), 40, lambda t, q, v: within_limits(character, rest, q, v)
     )
     floor = ground_reaction(character, made.q, made.v, made.control)
     weight = character.mass * 9.81
@@ -87,9 +82,8 @@ def test_other_parts_are_counted_apart(character: Character) -> None:
     """A body that lies on its back."""
     q = np.zeros(57)
     q[2], q[3:7] = 0.25, [np.sqrt(0.5), 0.0, -np.sqrt(0.5), 0.0]
-    made = simulate(
-        character,
-        mujoco.MjData(character.model),
+    made, _ = simulate(
+        Stepper(character.model),
         q,
         np.zeros(56),
         60,

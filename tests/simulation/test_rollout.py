@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import mujoco
 import numpy as np
 import pytest
 
@@ -10,8 +9,9 @@ from physique.character.kinematics import com_velocity, poses
 from physique.character.model import Character
 from physique.character.servo import pd_torque, within_limits
 from physique.reference.reference import Reference
+from physique.simulation.mujoco_simulator import MujocoSimulator
 from physique.simulation.rollout import Rollout, simulate
-from physique.simulation.simulator import Simulator
+from physique.simulation.stepper import Stepper
 
 STEPS = 40
 
@@ -24,17 +24,15 @@ def controls(walk: Reference) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def singles(character: Character, walk: Reference, controls: np.ndarray) -> list[Rollout]:
-    data = mujoco.MjData(character.model)
-    return [
-        simulate(character, data, walk.q[20], walk.v[20], STEPS, lambda t, q, v, u=u: u[t]) for u in controls
-    ]
+    stepper = Stepper(character.model)
+    return [simulate(stepper, walk.q[20], walk.v[20], STEPS, lambda t, q, v, u=u: u[t])[0] for u in controls]
 
 
 @pytest.mark.parametrize("threads", [1, 2])
 def test_many_are_the_single_one(
     character: Character, walk: Reference, controls: np.ndarray, singles: list[Rollout], threads: int
 ) -> None:
-    with Simulator(character, threads) as simulator:
+    with MujocoSimulator(character, threads) as simulator:
         many = simulator.run_open_loop(walk.q[20], walk.v[20], controls)
         again = simulator.run(walk.q[20], walk.v[20], STEPS, [lambda t, q, v, u=u: u[t] for u in controls])
         assert simulator.steps == len(controls) * (2 * STEPS + 1)
@@ -52,10 +50,8 @@ def test_many_are_the_single_one(
 
 def test_any_frame_can_be_resumed(character: Character, singles: list[Rollout]) -> None:
     whole = singles[0]
-    data = mujoco.MjData(character.model)
-    rest = simulate(
-        character, data, whole.q[15], whole.v[15], STEPS - 15, lambda t, q, v: whole.control[15 + t]
-    )
+    stepper = Stepper(character.model)
+    rest, _ = simulate(stepper, whole.q[15], whole.v[15], STEPS - 15, lambda t, q, v: whole.control[15 + t])
     assert np.array_equal(rest.q, whole.q[15:])
     assert np.array_equal(rest.v, whole.v[15:])
 
@@ -98,7 +94,7 @@ def test_a_blow_up_is_noticed(character: Character, walk: Reference) -> None:
     v = walk.v[20].copy()
     calm = v.copy()
     v[6:] = 1e9
-    with Simulator(character, 2) as simulator:
+    with MujocoSimulator(character, 2) as simulator:
         blown = simulator.run_open_loop(walk.q[20], v, control)
         fine = simulator.run_open_loop(walk.q[20], calm, control)
         single = simulator.run(walk.q[20], v, STEPS, [lambda t, q, v: control[0, t]])[0]
@@ -112,7 +108,7 @@ def test_a_blow_up_leaves_the_others_alone(character: Character, walk: Reference
     good = walk.q[21 : 21 + STEPS, 7:]
     bad = good.copy()
     bad[3] = np.nan
-    with Simulator(character, 1) as simulator:
+    with MujocoSimulator(character, 1) as simulator:
         mixed = simulator.run_open_loop(walk.q[20], walk.v[20], np.stack([bad, good]))
         alone = simulator.run_open_loop(walk.q[20], walk.v[20], good[None])
     assert list(mixed[4]) == [True, False]

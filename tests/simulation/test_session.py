@@ -15,7 +15,8 @@ from physique.character.model import Character
 from physique.reference.reference import Reference
 from physique.render.skin import joint_transforms
 from physique.simulation.rollout import simulate
-from physique.simulation.session import NEAR_MISS, Push, Session
+from physique.simulation.session import NEAR_MISS, Hit, Session
+from physique.simulation.stepper import Stepper
 
 Array = NDArray[np.float64]
 HEAD, CHEST, PELVIS = (skeleton.INDEX[name] for name in ("head", "spine3", "pelvis"))
@@ -48,8 +49,7 @@ def momentum(character: Character, q: Array, v: Array, about: Array) -> tuple[Ar
 def test_without_a_push_it_is_the_roll_out(character: Character, walk: Reference) -> None:
     q, v, _ = state(walk)
     control = walk.q[46:86, 7:]
-    data = mujoco.MjData(character.model)
-    expected = simulate(character, data, q, v, 40, lambda t, *_: control[t])
+    expected, _ = simulate(Stepper(character.model), q, v, 40, lambda t, *_: control[t])
     session = Session(character, walk.q[0], walk.v[0])
     session.step(control[0])
     session.restart(q, v)
@@ -82,7 +82,7 @@ def test_a_step_of_a_push_gives_its_impulse_exactly(
         session.restart(q, np.zeros(56))
     about = free.world_point(PELVIS, np.zeros(3))
     lever = free.world_point(part, np.array(point)) - about
-    pushed.push(Push(part, np.array(point), wanted, 0.01))
+    pushed.push(Hit(part, np.array(point)), wanted, 0.01)
     for session in in_the_air:
         session.step(q[7:])
     # Of the new velocity in the pose before the step, in which the forces act.
@@ -106,7 +106,7 @@ def test_a_long_push_gives_its_impulse_within_the_discretisation(
         wanted = size * np.array([0.6, 0.8, 0.0])
         for session in in_the_air:
             session.restart(q, np.zeros(56))
-        pushed.push(Push(part, np.zeros(3), wanted))
+        pushed.push(Hit(part, np.zeros(3)), wanted)
         for session in in_the_air:
             for _ in range(10):
                 session.step(q[7:])
@@ -120,11 +120,11 @@ def test_a_long_push_gives_its_impulse_within_the_discretisation(
 
 def test_pushed_sessions_repeat_and_pushes_end(character: Character, walk: Reference) -> None:
     q, v, targets = state(walk)
-    push = Push(CHEST, np.zeros(3), np.array([0.0, 20.0, 0.0]))
+    push = Hit(CHEST, np.zeros(3)), np.array([0.0, 20.0, 0.0])
     ends = []
     for _ in range(2):
         session = Session(character, q, v)
-        session.push(push)
+        session.push(*push)
         for _ in range(30):
             session.step(targets)
         ends.append(session.q)
@@ -135,7 +135,7 @@ def test_pushed_sessions_repeat_and_pushes_end(character: Character, walk: Refer
     assert np.abs(ends[0] - undisturbed.q).max() > 0.01
     # A restart takes a push away that is under way.
     session.restart(q, v)
-    session.push(push)
+    session.push(*push)
     session.step(targets)
     session.restart(q, v)
     for _ in range(30):

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from physique.errors import InputError
+from physique.simulation.mujoco_simulator import MujocoSimulator
 from physique.simulation.rollout import Rollout
-from physique.simulation.simulator import Simulator
 from physique.tracking import cma
 from physique.tracking.problem import Problem, Solution
 from physique.tracking.spline import knot_matrix
@@ -18,7 +18,7 @@ SMALL = cma.CmaOptions(samples=16, iterations=4, sigma=0.05)
 
 
 def solve(problem: Problem, nominal: Rollout, options: cma.CmaOptions, threads: int = 1) -> Solution:
-    with Simulator(problem.character, threads) as simulator:
+    with MujocoSimulator(problem.character, threads) as simulator:
         return cma.solve(problem, simulator, nominal, options)
 
 
@@ -52,7 +52,7 @@ def test_the_global_generator_is_left_alone(problem: Problem, nominal: Rollout) 
 
 def test_solution_is_what_its_controls_do(problem: Problem, small: Solution) -> None:
     control = small.rollout.control
-    with Simulator(problem.character, 1) as simulator:
+    with MujocoSimulator(problem.character, 1) as simulator:
         again = simulator.run(problem.q0, problem.v0, problem.steps, [lambda t, q, v: control[t]])[0]
     assert np.array_equal(again.q, small.rollout.q)
     assert small.cost == problem.cost(small.rollout)
@@ -64,7 +64,7 @@ def test_solution_is_what_its_controls_do(problem: Problem, small: Solution) -> 
 
 
 def test_starts_at_zero_and_never_gets_worse(problem: Problem, nominal: Rollout, small: Solution) -> None:
-    with Simulator(problem.character, 1) as simulator:
+    with MujocoSimulator(problem.character, 1) as simulator:
         zero = simulator.run(problem.q0, problem.v0, problem.steps, [lambda t, q, v: np.zeros(50)])[0]
     assert small.history[0] == pytest.approx(problem.cost(zero), rel=1e-12)
     assert all(b <= a for a, b in zip(small.history, small.history[1:]))

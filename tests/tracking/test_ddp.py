@@ -11,8 +11,8 @@ from scipy.linalg import block_diag, solve_discrete_are
 
 from physique.character.state import integrate
 from physique.derivatives.linearize import Linearization
+from physique.simulation.mujoco_simulator import MujocoSimulator
 from physique.simulation.rollout import Rollout
-from physique.simulation.simulator import Simulator
 from physique.tracking import ddp
 from physique.tracking.backward import LinearPolicy, backward
 from physique.tracking.costs import Quadratic
@@ -178,7 +178,7 @@ def test_it_plans_with_the_limits_of_the_others(problem: Problem) -> None:
 
 
 def solve(problem: Problem, nominal: Rollout, threads: int) -> tuple[Solution, int]:
-    with Simulator(problem.character, threads) as simulator:
+    with MujocoSimulator(problem.character, threads) as simulator:
         solution = ddp.solve(problem, simulator, nominal, ddp.DdpOptions(iterations=8))
         return solution, simulator.steps
 
@@ -192,7 +192,7 @@ def test_it_lowers_the_cost_of_a_walk(
     problem: Problem, nominal: Rollout, solved: tuple[Solution, int]
 ) -> None:
     solution, steps = solved
-    with Simulator(problem.character, 1) as simulator:
+    with MujocoSimulator(problem.character, 1) as simulator:
         replayed = simulator.run(problem.q0, problem.v0, problem.steps, [lambda t, q, v: nominal.control[t]])[
             0
         ]
@@ -208,7 +208,7 @@ def test_it_lowers_the_cost_of_a_walk(
 
 def test_its_controls_alone_replay_the_motion(problem: Problem, solved: tuple[Solution, int]) -> None:
     best = solved[0].rollout
-    with Simulator(problem.character, 1) as simulator:
+    with MujocoSimulator(problem.character, 1) as simulator:
         again = simulator.run(problem.q0, problem.v0, problem.steps, [lambda t, q, v: best.control[t]])[0]
     assert np.array_equal(again.q, best.q)
     assert np.array_equal(again.v, best.v)
@@ -226,7 +226,7 @@ def test_hard_windows_are_searched_again_and_the_best_is_kept(problem: Problem, 
     restarts = ((30.0, 0.3), (0.3, 1.0))
     alone = ddp.DdpOptions(iterations=4, restarts=())
     costs, steps = [], 0
-    with Simulator(problem.character, 1) as simulator:
+    with MujocoSimulator(problem.character, 1) as simulator:
         for damping, kink in restarts:
             one = replace(alone, damping=damping, start_dampings=(damping,), first_kink=kink)
             costs.append(ddp.solve(problem, simulator, nominal, one).cost)
@@ -247,7 +247,7 @@ def test_the_policy_with_no_step_repeats_the_motion(problem: Problem, solved: tu
     best = solved[0].rollout
     gain = 1e-3 * np.random.default_rng(0).normal(size=(problem.steps, NU, NX))
     policy = LinearPolicy(np.ones((problem.steps, NU)), gain, 0.0)
-    with Simulator(problem.character, 1) as simulator:
+    with MujocoSimulator(problem.character, 1) as simulator:
         again = simulator.run(
             problem.q0, problem.v0, problem.steps, [ddp.closed_loop(problem, best, policy, 0.0)]
         )[0]

@@ -24,8 +24,8 @@ from physique.feedback.pushes import Trial, random_pushes, run_trials
 from physique.feedback.tree import read_policy, save_policy
 from physique.runs import run as runs
 from physique.runs.run import Run
-from physique.simulation.quiet import quiet
-from physique.simulation.simulator import Simulator
+from physique.simulation.mujoco_simulator import MujocoSimulator
+from physique.simulation.process import quiet
 from physique.store import PathLike, read_json, write_json
 
 log = logging.getLogger(__name__)
@@ -45,7 +45,7 @@ def stabilize(folder: PathLike, weights: WeightsName = "default") -> Policy:
         raise InputError("weights", repr(weights), "default or paper", "choose one of the two")
     run = _load(folder)
     character, motion = run.character(), run.trajectory
-    with quiet(), Simulator(character, 1) as simulator:
+    with quiet(), MujocoSimulator(character, 1) as simulator:
         trunk = make_trunk(simulator, motion.q, motion.v, motion.control, weights)
     path = Path(folder) / runs.POLICY
     save_policy(path, run.character_xml, growth.root(trunk), {**_about(run), "weights": weights})
@@ -228,8 +228,8 @@ def push(
         policy.timestep,
     )
     character = run.character()
-    with quiet():
-        done, factor = run_trials(character, policy, pushes, on_trial)
+    with quiet(), MujocoSimulator(character, 1) as simulator:
+        done, factor = run_trials(simulator, policy, pushes, on_trial)
     return report(done, impulse, character.mass, factor), done
 
 

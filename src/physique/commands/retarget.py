@@ -34,7 +34,8 @@ from physique.reference.reference import Reference, make_reference
 from physique.reference.target import Weights
 from physique.runs import metrics, run
 from physique.runs.run import Checkpoint, Run
-from physique.simulation.quiet import quiet
+from physique.simulation.mujoco_simulator import MujocoSimulator
+from physique.simulation.process import quiet
 from physique.simulation.simulator import Simulator
 from physique.store import PathLike
 from physique.tracking import cma, ddp
@@ -229,7 +230,7 @@ def _track(
             progress(Progress(name, at, total, len(done) + len(found), iteration, cost, error))
 
     tell(0, None)
-    with quiet(), Simulator(character, threads) as simulator:
+    with quiet(), MujocoSimulator(character, threads) as simulator:
         windows = track(
             character,
             reference,

@@ -23,8 +23,9 @@ from physique.feedback.policy import ControllerName, load_policy
 from physique.feedback.pushes import Trial, run_trial
 from physique.render.picture import animation, strip
 from physique.runs.run import POLICY, load_run
-from physique.simulation.disturb import Push
-from physique.simulation.quiet import quiet
+from physique.simulation.mujoco_simulator import MujocoSimulator
+from physique.simulation.process import quiet
+from physique.simulation.stepper import Push
 
 DURATION = 0.1  # s
 PANELS = 8
@@ -69,8 +70,8 @@ def main(arguments: list[str] | None = None) -> None:
     found: dict[str, Trial] = {}
     for name in names:
         policy = load_policy(options.run / POLICY, name)
-        with quiet():
-            found[name] = run_trial(character, policy, push, joints, to_end=True)
+        with quiet(), MujocoSimulator(character, 1) as simulator:
+            found[name] = run_trial(simulator, policy, push, joints, to_end=True)
     wanted = run.trajectory.q[frame:]
     rows = []
     for label, trial in found.items():

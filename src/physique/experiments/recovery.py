@@ -31,7 +31,8 @@ from physique.render.sampling import RATE, frames_at
 from physique.render.scene import make_actor, stage
 from physique.render.surface import surface
 from physique.runs.run import POLICY, Run, load_run
-from physique.simulation.quiet import quiet
+from physique.simulation.mujoco_simulator import MujocoSimulator
+from physique.simulation.process import quiet
 
 Array = NDArray[np.float64]
 
@@ -120,16 +121,17 @@ def find(options: Recovery, run: Run) -> tuple[Step, dict[str, Trial]]:
     )
     character = run.character()
     joints = kinematics.joint_positions(character, run.trajectory.q)
-    for push in pushes:
-        trials: dict[str, Trial] = {}
-        for name, policy in policies.items():
-            trials[name] = run_trial(character, policy, push, joints, to_end=name == "lqr")
-            if trials[name].survived != (name == "tree"):
-                break
-        else:
-            step = longest_step(trials["tree"].motion.joints, joints[push.start :], timestep)
-            if step is not None:
-                return step, trials
+    with MujocoSimulator(character, 1) as simulator:
+        for push in pushes:
+            trials: dict[str, Trial] = {}
+            for name, policy in policies.items():
+                trials[name] = run_trial(simulator, policy, push, joints, to_end=name == "lqr")
+                if trials[name].survived != (name == "tree"):
+                    break
+            else:
+                step = longest_step(trials["tree"].joints, joints[push.start :], timestep)
+                if step is not None:
+                    return step, trials
     raise InputError(
         str(options.run),
         f"no recovery step in {options.trials} pushes of {options.impulse:g} Ns",

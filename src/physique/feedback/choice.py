@@ -11,7 +11,7 @@ from physique import rotations
 from physique.feedback.law import Followers, Law
 from physique.feedback.tree import Tree
 from physique.reference.target import joint_weights
-from physique.simulation.closed_loop import Probes
+from physique.simulation.probes import Probes
 
 Array = NDArray[np.float64]
 

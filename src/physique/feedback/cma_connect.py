@@ -16,7 +16,8 @@ from physique.feedback.choice import along, distance, features
 from physique.feedback.connect import Trunk, make_branch
 from physique.feedback.law import BOUND, path
 from physique.feedback.tree import Branch, Tree
-from physique.simulation.rollout import Feedback, Rollout
+from physique.simulation.linear_feedback import Feedback
+from physique.simulation.rollout import Rollout
 from physique.simulation.simulator import Simulator
 from physique.tracking.cma import new_search
 from physique.tracking.spline import DEGREE, fit_knots, knot_matrix

@@ -19,7 +19,7 @@ from physique.feedback.pushes import SURVIVAL_LIMIT
 from physique.feedback.recovery import recovery_target
 from physique.feedback.tree import GAIN_TYPE, STRIDE, Branch
 from physique.reference.target import Target
-from physique.simulation.rollout import Feedback
+from physique.simulation.linear_feedback import Feedback
 from physique.simulation.simulator import Simulator
 from physique.tracking import ddp
 from physique.tracking.problem import Problem, warm_start

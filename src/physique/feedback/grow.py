@@ -25,9 +25,9 @@ from physique.feedback.law import BOUND, Law
 from physique.feedback.pushes import random_pushes
 from physique.feedback.tree import Branch, grown, trunk
 from physique.simulation.closed_loop import Servo
-from physique.simulation.disturb import Push, simulate_pushed
-from physique.simulation.rollout import Feedback
+from physique.simulation.linear_feedback import Feedback
 from physique.simulation.simulator import Simulator
+from physique.simulation.stepper import Push
 
 Array = NDArray[np.float64]
 
@@ -134,7 +134,7 @@ class Grower:
         rng = np.random.default_rng([self._settings.seed, number])
         clock = time.process_time()
         before = self._simulator.steps + self._chooser.steps
-        q, v, at, pushed = self._perturb(rng, round_)
+        q, v, at = self._perturb(rng, round_)
         covered = True
         branch = None
         # A body that the push itself has thrown off cannot be led back.
@@ -143,10 +143,10 @@ class Grower:
             covered = choice.loss < ZETA
             if not covered:
                 branch = self._connect(q, v, at, rng)
-        steps = self._simulator.steps + self._chooser.steps - before + pushed
+        steps = self._simulator.steps + self._chooser.steps - before
         return Attempt(covered, branch, steps, time.process_time() - clock)
 
-    def _perturb(self, rng: np.random.Generator, round_: Round) -> tuple[Array, Array, int, int]:
+    def _perturb(self, rng: np.random.Generator, round_: Round) -> tuple[Array, Array, int]:
         """x^p: the state after a push of half to all of the force, under the motion's LQR."""
         timestep = self._servo.timestep
         steps = min(round(PUSH / timestep), self._motion.last - round_.frame)
@@ -154,15 +154,14 @@ class Grower:
         parts = [skeleton.INDEX[name] for name in self._settings.parts or skeleton.JOINTS]
         start = round_.frame, round_.frame
         push = random_pushes(rng, 1, impulse, steps, start, timestep, parts)[0]
-        moved = simulate_pushed(
-            self._simulator.character,
+        moved = self._simulator.perform(
             self._motion.q[push.start],
             self._motion.v[push.start],
             steps,
             lambda t, q, v: self._law(push.start + t, q, v),
             Push(push.part, push.force, 0, steps),
         )
-        return moved.q[-1], moved.v[-1], push.start + steps, steps
+        return moved.q[-1], moved.v[-1], push.start + steps
 
     def _connect(self, q: Array, v: Array, at: int, rng: np.random.Generator) -> Branch | None:
         if self._settings.connector == "paper":

@@ -33,8 +33,8 @@ from physique.feedback.connect import Trunk, make_trunk
 from physique.feedback.grow import Attempt, Grower, Round, Settings, plan
 from physique.feedback.lqr import WeightsName
 from physique.feedback.tree import GAIN_TYPE, Branch, Tree, grown, trunk
-from physique.simulation.quiet import quiet
-from physique.simulation.simulator import Simulator
+from physique.simulation.mujoco_simulator import MujocoSimulator
+from physique.simulation.process import quiet
 from physique.store import prepare_folder, read_npz, write_npz
 
 Array = NDArray[np.float64]
@@ -125,7 +125,7 @@ def grow(
     rounds = plan(settings, len(q), float(character.model.opt.timestep))
     done = _open(job, rounds, resume)
     _free_at_once()
-    with quiet(), Simulator(character, 1) as simulator:
+    with quiet(), MujocoSimulator(character, 1) as simulator:
         start = root(make_trunk(simulator, q, v, control, weights))
     _gains_path(job).write_bytes(start.gains.tobytes())
     spent, made = 0.0, 0
@@ -182,7 +182,7 @@ class _Worker:
 
     def __init__(self, job: Job) -> None:
         self._job = job
-        self._simulator = Simulator(load_character(job.xml, job.body), 1)
+        self._simulator = MujocoSimulator(load_character(job.xml, job.body), 1)
         motion = make_trunk(self._simulator, job.q, job.v, job.control, job.weights)
         self._grower = Grower(self._simulator, motion, job.settings)
         self._met = 0

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physique.character import kinematics
-from physique.character.model import Character
 from physique.feedback.policy import Policy
-from physique.simulation.disturb import Push, Pushed, simulate_pushed
+from physique.simulation.rollout import Rollout
+from physique.simulation.simulator import Simulator
+from physique.simulation.stepper import Push, Stepper
 
 Array = NDArray[np.float64]
 
@@ -31,7 +32,7 @@ class Trial:
     from the push's beginning until that was above `SURVIVAL_LIMIT`, None where it is survived.
     recovery: s from the push's beginning until the body performs the motion again
     (`recovery_time`); None where it does not before the motion's end.
-    decisions: s that each online decision took.
+    decisions: s that each online decision took. motion: what came of it; joints (T, 22, 3) m, of it.
     """
 
     push: Push
@@ -40,7 +41,8 @@ class Trial:
     lost: float | None
     recovery: float | None
     decisions: tuple[float, ...]
-    motion: Pushed
+    motion: Rollout
+    joints: Array
 
 
 def random_pushes(
@@ -64,7 +66,7 @@ def random_pushes(
 
 
 def run_trial(
-    character: Character, policy: Policy, push: Push, joints: Array, *, to_end: bool = False
+    simulator: Simulator, policy: Policy, push: Push, joints: Array, *, to_end: bool = False
 ) -> Trial:
     """Perform the motion from the push's beginning to its end; joints (T, 22, 3), m, of it.
 
@@ -81,18 +83,21 @@ def run_trial(
             decisions.append(time.perf_counter() - clock)
         return out
 
-    motion = simulate_pushed(
-        character,
+    def go_on(t: int, now: Stepper) -> bool:
+        return to_end or body_error(now.joints, joints[first + t]) <= SURVIVAL_LIMIT
+
+    motion = simulator.perform(
         tree.q[first],
         tree.v[first],
         tree.frames - 1 - first,
         control,
         Push(push.part, push.force, 0, push.steps),
-        lambda t, at: to_end or body_error(at, joints[first + t]) <= SURVIVAL_LIMIT,
+        go_on,
     )
-    reached = len(motion.joints)
+    reached = len(motion.q)
+    found = kinematics.joint_positions(simulator.character, motion.q)
     wanted = joints[first : first + reached]
-    errors = np.linalg.norm(motion.joints - wanted, axis=2).mean(axis=1)
+    errors = np.linalg.norm(found - wanted, axis=2).mean(axis=1)
     whole = first + reached == tree.frames and not motion.diverged
     off = np.flatnonzero(errors > SURVIVAL_LIMIT)
     survived = bool(whole and len(off) == 0)
@@ -101,9 +106,10 @@ def run_trial(
         survived=survived,
         error=float(errors.max()),
         lost=None if survived else (int(off[0]) if len(off) else reached) * policy.timestep,
-        recovery=recovery_time(motion.joints, wanted, policy.timestep) if survived else None,
+        recovery=recovery_time(found, wanted, policy.timestep) if survived else None,
         decisions=tuple(decisions),
         motion=motion,
+        joints=found,
     )
 
 
@@ -127,17 +133,17 @@ def recovery_time(joints: Array, wanted: Array, timestep: float) -> float | None
 
 
 def run_trials(
-    character: Character,
+    simulator: Simulator,
     policy: Policy,
     pushes: Sequence[Push],
     on_trial: Callable[[int, Trial], None] | None = None,
 ) -> tuple[list[Trial], float]:
     """All trials, and how many s of motion were performed a second of wall time."""
-    joints = kinematics.joint_positions(character, policy.tree.q[: policy.tree.frames])
+    joints = kinematics.joint_positions(simulator.character, policy.tree.q[: policy.tree.frames])
     trials: list[Trial] = []
     clock, steps = time.perf_counter(), 0
     for push in pushes:
-        trials.append(run_trial(character, policy, push, joints))
+        trials.append(run_trial(simulator, policy, push, joints))
         steps += len(trials[-1].motion.q) - 1
         if on_trial is not None:
             on_trial(len(trials), trials[-1])

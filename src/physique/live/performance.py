@@ -12,7 +12,7 @@ from physique.live.controllers import Controller
 from physique.live.curves import unknown
 from physique.runs.metrics import SUCCESS_LIMIT, joint_errors
 from physique.runs.run import Run
-from physique.simulation.session import Push, Session
+from physique.simulation.session import Hit, Session
 
 Array = NDArray[np.float64]
 
@@ -84,9 +84,9 @@ class Performance:
         """Whether nothing more is to come: the body fell, or the clip is at its end."""
         return self.fallen or self.finished
 
-    def push(self, push: Push) -> None:
-        """Push the body from the next step on."""
-        self.session.push(push)
+    def push(self, hit: Hit, impulse: Array) -> None:
+        """Push the point that was hit from the next step on: impulse (3,) Ns, world."""
+        self.session.push(hit, impulse)
         steps = self._run.trajectory.frames - 1 - self.frame
         self.score = replace(self.score, pushes=self.score.pushes + 1)
         if self.fallen or steps * self.session.timestep < LEAST_LEFT:

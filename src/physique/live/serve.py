@@ -18,7 +18,7 @@ from physique.extras import require
 from physique.live.page import Page
 from physique.live.show import Show
 from physique.runs.run import Run, load_run
-from physique.simulation.quiet import quiet
+from physique.simulation.process import quiet
 
 HOST, PORT = "127.0.0.1", 8080
 MOST_RUNS = 6

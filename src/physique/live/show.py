@@ -16,7 +16,7 @@ from physique.live.performance import Performance, Score
 from physique.live.timeline import Timeline
 from physique.render.skin import joint_transforms
 from physique.runs.run import Run
-from physique.simulation.session import Hit, Push
+from physique.simulation.session import Hit
 
 Array = NDArray[np.float64]
 
@@ -126,7 +126,7 @@ class Show:
             self.seek(0.0)
         pushed = list(range(len(self.acts))) if all_alike else [index]
         for i in pushed:
-            self.acts[i].trial.push(Push(hit.part, hit.point, impulse))
+            self.acts[i].trial.push(hit, impulse)
         self.timeline.playing = True
         return pushed
 

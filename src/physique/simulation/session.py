@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physique.character.model import Character
-from physique.simulation.ground_reaction import FloorContacts
-from physique.simulation.rollout import BLOWN_UP
+from physique.simulation.floor import FloorForces
+from physique.simulation.stepper import Push, Stepper
 
 Array = NDArray[np.float64]
 
@@ -18,20 +18,6 @@ PUSH_SECONDS = 0.1
 #: A ray that passes the body at this distance still counts as a hit: the skin that people aim at
 #: stands off the shapes that are simulated.
 NEAR_MISS = 0.12  # m
-
-
-@dataclass(frozen=True)
-class Push:
-    """A constant force on one point of a part, for a while.
-
-    part: index in `skeleton.JOINTS`. point: (3,) m, in the part's frame, whose origin is the joint.
-    impulse: (3,) Ns, world: the force times its duration.
-    """
-
-    part: int
-    point: Array
-    impulse: Array
-    seconds: float = PUSH_SECONDS
 
 
 @dataclass(frozen=True)
@@ -50,19 +36,22 @@ class Session:
 
     def __init__(self, character: Character, q: Array, v: Array) -> None:
         self.character = character
-        self._data = mujoco.MjData(character.model)
-        self._posed = mujoco.MjData(character.model)  # kinematics of the state, for questions
-        self._contacts = FloorContacts(character)
-        self._pushes: list[tuple[Push, int]] = []  # with the steps that remain
+        self._stepper = Stepper(character.model)
         self.restart(q, v)
 
     def restart(self, q: Array, v: Array) -> None:
         """Go on from q (57,), v (56,); pushes that were under way end."""
-        mujoco.mj_resetData(self.character.model, self._data)
-        self._data.qpos[:], self._data.qvel[:] = q, v
-        self._pushes.clear()
-        self.steps = 0
-        self.diverged = False
+        self._stepper.start(q, v)
+
+    @property
+    def steps(self) -> int:
+        """Taken since the (re)start."""
+        return self._stepper.steps
+
+    @property
+    def diverged(self) -> bool:
+        """Whether the simulation blew up; then nothing happens any more."""
+        return self._stepper.diverged
 
     @property
     def timestep(self) -> float:
@@ -72,49 +61,42 @@ class Session:
     @property
     def q(self) -> Array:
         """(57,) of the state."""
-        return np.array(self._data.qpos)
+        return self._stepper.q.copy()
 
     @property
     def v(self) -> Array:
         """(56,) of the state."""
-        return np.array(self._data.qvel)
+        return self._stepper.v.copy()
 
     @property
     def torque(self) -> Array:
         """(50,) Nm that the targets exerted in the last step."""
-        return np.array(self._data.actuator_force)
+        return self._stepper.torque.copy()
 
     @property
-    def floor_forces(self) -> tuple[Array, Array, Array]:
-        """Of the last step, as `FloorContacts.read` gives them."""
-        return self._contacts.read(self._data)
+    def floor_forces(self) -> FloorForces:
+        """Of the last step."""
+        return self._stepper.floor
 
     @property
     def poses(self) -> Array:
         """World position (m) and orientation (wxyz) of the 22 joints: (22, 7)."""
-        data, bodies = self._pose(), self.character.joint_bodies
+        data, bodies = self._stepper.pose(), self.character.joint_bodies
         return np.concatenate([data.xpos[bodies], data.xquat[bodies]], axis=1)
 
-    def push(self, push: Push) -> None:
-        """Push from the next step on. Pushes add up."""
-        self._pushes.append((push, max(1, round(push.seconds / self.timestep))))
+    def push(self, hit: Hit, impulse: Array, seconds: float = PUSH_SECONDS) -> None:
+        """Push the point that was hit from the next step on: impulse (3,) Ns, world. Pushes add up."""
+        steps = max(1, round(seconds / self.timestep))
+        force = tuple(impulse / (steps * self.timestep))
+        self._stepper.push(Push(hit.part, force, self.steps, steps, tuple(hit.point)))
 
     def step(self, targets: Array) -> None:
         """One step under position targets (50,); nothing happens any more once it `diverged`."""
-        if self.diverged:
-            return
-        data = self._data
-        if self._pushes:
-            self._apply_pushes()
-        data.ctrl[:] = targets
-        mujoco.mj_step(self.character.model, data)
-        data.xfrc_applied[:] = 0.0
-        self.steps += 1
-        self.diverged = any(data.warning[w].number for w in BLOWN_UP)
+        self._stepper.step(targets)
 
     def cast(self, origin: Array, direction: Array) -> Hit | None:
         """What a ray from origin (3,), m, along direction (3,) hits, or only just misses."""
-        data, model = self._pose(), self.character.model
+        data, model = self._stepper.pose(), self.character.model
         direction = direction / np.linalg.norm(direction)
         geom = np.array([-1], dtype=np.int32)
         distance = mujoco.mj_ray(model, data, origin, direction, None, False, -1, geom)
@@ -131,26 +113,8 @@ class Session:
 
     def world_point(self, part: int, point: Array) -> Array:
         """World position (3,), m, of a point (3,) in the frame of a part."""
-        data, body = self._pose(), int(self.character.joint_bodies[part])
+        data, body = self._stepper.pose(), int(self.character.joint_bodies[part])
         return np.array(data.xpos[body] + data.xmat[body].reshape(3, 3) @ point)
-
-    def _pose(self) -> mujoco.MjData:
-        """MuJoCo's kinematics of the state: those in `_data` are of the state before it."""
-        self._posed.qpos[:] = self._data.qpos
-        mujoco.mj_kinematics(self.character.model, self._posed)
-        return self._posed
-
-    def _apply_pushes(self) -> None:
-        """Forces and moments about the centres of mass, for the step to come."""
-        pose = self._pose()
-        for push, _ in self._pushes:
-            body = int(self.character.joint_bodies[push.part])
-            steps = max(1, round(push.seconds / self.timestep))
-            force = push.impulse / (steps * self.timestep)
-            point = pose.xpos[body] + pose.xmat[body].reshape(3, 3) @ push.point
-            self._data.xfrc_applied[body, :3] += force
-            self._data.xfrc_applied[body, 3:] += np.cross(point - pose.xipos[body], force)
-        self._pushes = [(push, left - 1) for push, left in self._pushes if left > 1]
 
     def _nearest(self, data: mujoco.MjData, origin: Array, direction: Array) -> tuple[int, float, float]:
         """The visible geom that the ray passes nearest to, how far along it, and the distance.

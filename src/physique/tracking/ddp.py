@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from physique.character import kinematics
 from physique.derivatives.linearize import Linearization
-from physique.simulation.rollout import Feedback, Rollout
+from physique.simulation.linear_feedback import Feedback
+from physique.simulation.rollout import Rollout
 from physique.simulation.simulator import Simulator
 from physique.tracking import costs
 from physique.tracking.backward import LinearPolicy, backward

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from physique.character import kinematics
 from physique.character.model import Character
 from physique.reference.reference import Reference
 from physique.reference.target import Weights
@@ -106,7 +107,7 @@ def _optimize(
 ) -> Window:
     timestep, last = reference.timestep, reference.frames - 1
     end = min(start + round(schedule.horizon / timestep), last)
-    com = simulator.com(q)
+    com = kinematics.poses(character, q[None], heights=False).com[0]
     shift = com[:2] - reference.com[start, :2]
     target = reference.target(start, end + 1, shift)
     problem = Problem(character, q, v, target, weights)
