@@ -100,7 +100,6 @@ def test_feet_on_the_floor(character: Character, moments: list) -> None:
 
 @pytest.mark.parametrize("lift", [0.0, 0.4])
 def test_parts_of_the_body_against_each_other(character: Character, lift: float) -> None:
-    # Velocities and accelerations are exact; of positions the turn of the normal is left out.
     reference = make_reference(read_motion("punch"), character)
     seen = 0
     for t in range(0, 200, 20):
@@ -113,6 +112,8 @@ def test_parts_of_the_body_against_each_other(character: Character, lift: float)
             continue
         ours, theirs, found = contact_derivatives(character, q, reference.v[t], reference.q[t + 1, 7:])
         seen += int((found.bodies >= 0).all(axis=1).sum())
-        for mine, other, tolerance in zip(ours[1:], theirs[1:], (1e-5, 1e-6)):
+        # MuJoCo finds contacts of hands by iterations, too roughly for its differences of positions.
+        hands = np.isin(character.model.geom_type[data.contact.geom], mujoco.mjtGeom.mjGEOM_ELLIPSOID).any()
+        for mine, other, tolerance in list(zip(ours, theirs, (3e-3, 1e-5, 1e-6)))[int(hands) :]:
             np.testing.assert_allclose(mine, other, atol=tolerance * np.abs(other).max())
     assert seen > 5

@@ -7,8 +7,8 @@ step: with s = 1 + h b + h^2 k d,
 
     weight = s d / (1 - d) / A,    a_ref = -(b v + k d (r + h v)) / s,
 
-where d(r) is the impedance. What is neglected: the change of A, and the turn of the contact's
-normal where two parts of the body touch.
+where d(r) is the impedance. How the contact's point and normal move with the bodies is `touching`'s
+business. What is neglected: the change of A.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physique.compiled import compiled
+from physique.derivatives import touching
 from physique.derivatives.dense import add, add_vector, apply, fill, multiply
 from physique.derivatives.smooth import KinematicTree, add_up
 from physique.derivatives.spatial import cross, dot, force_cross, motion_cross, set_skew
@@ -33,17 +34,18 @@ class Contacts(NamedTuple):
 
     ends (T,): where those of each state end. point (C, 3) m, about the state's common point. frame
     (C, 3, 3): rows are the normal, from the first part to the second, and two tangents. bodies
-    (C, 2), -1 for the world. lever (C, 2) m: from the point along the normal to the centre of each
-    part's rounding; the contact's point moves with those centres. force (C, 3) and stiffness
-    (C, 3, 3), -d force / d residual, along the frame's rows. log_weight_slope (C,): d ln weight /
-    d depth. pull (C, 3), drag (C, 3): -d a_ref / d depth and -d a_ref / d velocity, row by row.
+    (C, 2), -1 for the world. moved, turned (C, 2, 3, 6): how point and frame move with each body, see
+    `touching.Motions`. force (C, 3) and stiffness (C, 3, 3), -d force / d residual, along the frame's
+    rows. log_weight_slope (C,): d ln weight / d depth. pull (C, 3), drag (C, 3): -d a_ref / d depth and
+    -d a_ref / d velocity, row by row.
     """
 
     ends: Index
     point: Array
     frame: Array
     bodies: Index
-    lever: Array
+    moved: Array
+    turned: Array
     force: Array
     stiffness: Array
     log_weight_slope: Array
@@ -63,6 +65,8 @@ def read(model: mujoco.MjModel, data: mujoco.MjData) -> list[Array]:
     mujoco.mj_mulJacVec(model, data, by_row, data.qacc)
     return [
         data.subtree_com[1].copy(),
+        data.geom_xpos[contact.geom],
+        data.geom_xmat[contact.geom],
         *(getattr(contact, name).copy() for name in _FIELDS),
         *(getattr(data, name)[:rows].copy() for name in _ROWS),
         by_row,
@@ -71,7 +75,7 @@ def read(model: mujoco.MjModel, data: mujoco.MjData) -> list[Array]:
 
 def join(model: mujoco.MjModel, parts: list[list[Array]]) -> Contacts:
     """The contacts of all states as one."""
-    origins, *columns = zip(*parts)
+    origins, centers, turns, *columns = zip(*parts)
     found = [len(efc) for efc in columns[len(_FIELDS) - 1]]
     raw = {
         name: np.concatenate(column).reshape(-1, width)
@@ -99,29 +103,26 @@ def join(model: mujoco.MjModel, parts: list[list[Array]]) -> Contacts:
     drag = np.repeat((b / (1 + h * b))[:, None], 3, axis=1)
     drag[:, 0] = (b + h * k * d) / s
     force, stiffness = force_and_stiffness(acceleration - a_ref, weight, friction, mu)
+    origin, frame = np.array(origins)[of], raw["frame"].reshape(-1, 3, 3)
+    bodies = model.geom_bodyid[raw["geom"]].astype(np.int64) - 1
+    point = raw["pos"] - origin
+    shapes = touching.sides(
+        model, raw["geom"], np.concatenate(centers)[use] - origin[:, None], np.concatenate(turns)[use]
+    )
+    moved, turned = touching.motions(shapes, bodies, point, frame, distance)
     return Contacts(
         ends=np.searchsorted(of, np.arange(len(parts)), side="right"),
-        point=raw["pos"] - np.array(origins)[of],
-        frame=raw["frame"].reshape(-1, 3, 3),
-        bodies=model.geom_bodyid[raw["geom"]].astype(np.int64) - 1,
-        lever=_levers(model, raw["geom"], distance),
+        point=point,
+        frame=frame,
+        bodies=bodies,
+        moved=moved,
+        turned=turned,
         force=force,
         stiffness=stiffness,
         log_weight_slope=slope / (d * (1 - d)) + s_slope / s,
         pull=pull,
         drag=drag,
     )
-
-
-def _levers(model: mujoco.MjModel, geoms: NDArray[np.int32], distance: Array) -> Array:
-    """Signed distance along the normal from the contact point to each geom's rounding centre.
-
-    A capsule's surface point is always one radius from its axis; of boxes it is a corner, the
-    floor does not move. The point itself lies midway between the surfaces.
-    """
-    kind = model.geom_type[geoms]
-    radius = np.where(kind == int(mujoco.mjtGeom.mjGEOM_CAPSULE), model.geom_size[geoms, 0], 0.0)
-    return (radius + distance[:, None] / 2) * np.array([-1.0, 1.0])
 
 
 def force_and_stiffness(residual: Array, weight: Array, friction: Array, mu: Array) -> tuple[Array, Array]:
@@ -277,10 +278,11 @@ def _add_contact(
         for j in range(3):
             by_depth[i, j] = (R[0, i] * pushed[0] + R[1, i] * pushed[1] + R[2, i] * pushed[2]) * normal[j]
 
-    # Of each side: the point's signed velocity, and that of the contact, by the body's motion.
-    at, moved = np.zeros((2, 3, 6)), np.zeros((2, 3, 6))
+    # Of each side the point's signed velocity, by the body's motion.
+    at = np.zeros((2, 3, 6))
     spin_v, spin_a = np.zeros(3), np.zeros(3)
-    center, moment = np.empty(3), np.empty(3)
+    relative_v, relative_a = np.zeros(3), np.zeros(3)
+    moment = np.empty(3)
     cross(moment, c.point[n], force)
     for side in range(2):
         b = c.bodies[n, side]
@@ -292,42 +294,41 @@ def _add_contact(
             load[b, 3 + i] += sign * force[i]
             spin_v[i] += sign * velocity[last[b], i]
             spin_a[i] += sign * acceleration[last[b], i]
-            center[i] = c.point[n, i] + c.lever[n, side] * normal[i]
             at[side, i, 3 + i] = sign
-            moved[side, i, 3 + i] = 0.5
         set_skew(at[side, :, :3], c.point[n], -sign)
-        set_skew(moved[side, :, :3], center, -0.5)
-        if c.bodies[n, 1 - side] < 0:
-            # On the floor the point stays midway between the surfaces: it moves sideways with the
-            # part.
-            for j in range(6):
-                along = 0.0
-                for i in range(3):
-                    along += normal[i] * moved[side, i, j]
-                for i in range(3):
-                    moved[side, i, j] = 2.0 * moved[side, i, j] - normal[i] * along
+        for i in range(3):
+            relative_v[i] += dot(at[side, i], velocity[last[b]])
+            relative_a[i] += dot(at[side, i], acceleration[last[b]])
     twist, by_moved, some = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     set_skew(twist, spin_v, 1.0)
     multiply(by_moved, damped, twist)
     set_skew(twist, spin_a, 1.0)
     multiply(some, stiff, twist)
     add(by_moved, some)
+    by_turned = np.empty((3, 3))
+    set_skew(twist, relative_v, 1.0)
+    multiply(by_turned, damped, twist)
+    set_skew(twist, relative_a, 1.0)
+    multiply(some, stiff, twist)
+    add(by_turned, some)
     set_skew(twist, force, 1.0)
+    add(by_turned, twist)
 
-    world, part, parts = np.empty((3, 18)), np.empty((3, 6)), np.empty((6, 18))
+    world, part, turn, parts = np.empty((3, 18)), np.empty((3, 6)), np.empty((3, 6)), np.empty((6, 18))
     for by in range(2):
         if c.bodies[n, by] < 0:
             continue
         multiply(world[:, :6], by_depth, at[by])
         multiply(world[:, 6:12], damped, at[by])
         multiply(world[:, 12:], stiff, at[by])
-        multiply(part, by_moved, moved[by])
+        multiply(part, by_moved, c.moved[n, by])
+        multiply(turn, by_turned, c.turned[n, by])
         for i in range(3):
             for j in range(6):
-                world[i, j] -= part[i, j]
+                world[i, j] -= part[i, j] + turn[i, j]
             for j in range(6, 18):
                 world[i, j] = -world[i, j]
-        multiply(part, twist, moved[by])
+        multiply(part, twist, c.moved[n, by])
         for to in range(2):
             if c.bodies[n, to] < 0:
                 continue
