@@ -7,12 +7,15 @@ STAMP := $(VENV)/.installed
 # The tools of the documentation live apart: they are no part of what physique is tested with.
 DOCS_VENV := .venv-docs
 DOCS_STAMP := $(DOCS_VENV)/.installed
+# Where the package is installed as a user has it, not from src/; tests that meet all of its files.
+WHEEL_VENV := .venv-wheel
+WHEEL_TESTS ?= tests/body tests/cli tests/commands tests/motion tests/report tests/runs
 WORKERS ?= 2
 # Numerical libraries must not start threads of their own under our process and thread pools.
 ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1
 
 .DEFAULT_GOAL := help
-.PHONY: help env demo test test-slow check format bench gallery docs docs-serve bundle clean
+.PHONY: help env demo test test-slow test-wheel check format bench gallery docs docs-serve bundle clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' Makefile | expand -t 20
@@ -27,6 +30,11 @@ test: $(STAMP) ## run the tests
 
 test-slow: $(STAMP) ## run all tests, the ones of minutes too
 	$(ONE_THREAD) $(PY) -m pytest -n $(WORKERS) -m "slow or not slow"
+
+test-wheel: $(STAMP) ## run tests of what the built wheel holds, in an environment that has nothing else
+	UV_PROJECT_ENVIRONMENT=$(WHEEL_VENV) UV_PYTHON_DOWNLOADS=never \
+	  $(PY) -m uv sync --frozen --no-editable --reinstall-package physique --python $(PY) --quiet
+	$(ONE_THREAD) $(WHEEL_VENV)/bin/python -m pytest -n $(WORKERS) $(WHEEL_TESTS)
 
 check: $(STAMP) ## lint, format, types, import layers
 	$(PY) -m ruff check .
@@ -53,9 +61,9 @@ docs-serve: $(DOCS_STAMP) ## serve the documentation on 127.0.0.1:8000, anew at 
 bundle: ## rebuild the 3-D viewer of reports from tools/web (needs Node.js)
 	cd tools/web && npm ci --ignore-scripts && npm run build
 
-clean: ## remove results and caches (not .venv and .venv-docs)
+clean: ## remove results and caches (not the environments)
 	rm -rf out dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
-	find . \( -path ./$(VENV) -o -path ./$(DOCS_VENV) \) -prune -o -name __pycache__ -type d -prune -exec rm -rf {} +
+	find . \( -path "./.venv*" \) -prune -o -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # A stamp, so that nothing is done while the requirements stand as they are.
 $(STAMP): pyproject.toml uv.lock
