@@ -11,7 +11,7 @@ import pytest
 from physique.errors import InputError
 from physique.motion.asfamc import find_asf, read_asfamc
 from physique.motion.kinematics import clip_world, joint_positions, motion_world
-from physique.motion.read import read_motion
+from physique.motion.read import read_clip, read_motion
 
 ASF = """:version 1.10
 :name TEST
@@ -84,6 +84,20 @@ def test_radians(tmp_path: Path) -> None:
     np.testing.assert_allclose(read_asfamc(write(tmp_path, amc=radians)).rotations, first, atol=1e-9)
 
 
+def test_the_skeleton_alone_is_no_motion(tmp_path: Path) -> None:
+    write(tmp_path)
+    with pytest.raises(InputError, match=r"05\.asf: found a skeleton without a motion.*name the \.amc"):
+        read_clip(tmp_path / "05.asf")
+
+
+def test_the_asf_with_the_longest_common_name_is_found(tmp_path: Path) -> None:
+    for name in ("a", "a_b", "a_c"):
+        (tmp_path / f"{name}.asf").write_text(ASF)
+    for name, found in (("a_b_01_120", "a_b"), ("a_d_01", "a"), ("a_b", "a_b")):
+        (tmp_path / f"{name}.amc").write_text(AMC)
+        assert find_asf(tmp_path / f"{name}.amc").stem == found
+
+
 def test_the_asf_is_found(tmp_path: Path) -> None:
     amc = write(tmp_path)
     (tmp_path / "06.asf").write_text(ASF)
@@ -103,12 +117,12 @@ def test_the_asf_is_found(tmp_path: Path) -> None:
     [
         ("thigh 90\n", "", "frame 2: found no values for 'thigh'"),
         ("thigh 90", "thigh", "line 9: found 0 values for 'thigh'"),
-        ("thigh 90", "thigh nan", "line 9: found 'nan'"),
+        ("thigh 90", "thigh nan", "line 9: found nan for 'thigh'"),
         ("thigh 90", "thigh 9o", "line 9: found '9o'"),
         ("thigh 90", "calf 90", "bone 'calf' in frame 2"),
         ("thigh 90", "thigh 90\nthigh 90", "bone 'thigh' in frame 2"),
         ("1\nroot", "root", "a frame number first"),
-        (AMC, "", "no frames"),
+        (AMC, ":DEGREES", "no frames"),
     ],
 )
 def test_damaged_motion(tmp_path: Path, old: str, new: str, message: str) -> None:
@@ -125,7 +139,19 @@ def test_damaged_motion(tmp_path: Path, old: str, new: str, message: str) -> Non
         ("length 7", "length seven", "line 17: found 'seven'"),
         ("dof rx", "dof rw", "channel 'rw'"),
         ("length 0.45", "length 0", "length unit 0"),
-        (ASF, "", "no bones"),
+        ("length 0.45", "length", "line 5: found 0 values for length; expected 1"),
+        ("angle deg", "angle", "line 6: found 'angle'; expected deg or rad"),
+        ("   axis XYZ", "   axis", "line 9: found 'axis'; expected XYZ"),
+        ("   axis XYZ", "   axis ZYX", "line 9: found root axis ZYX"),
+        ("position 0 0 0", "position 0 0", "line 10: found 2 values for position"),
+        ("name thigh", "name", "line 15: found 'name'; expected the bone's name"),
+        ("axis 0 0 90 XYZ", "axis 0 0", "line 18: found 2 values for axis; expected 3"),
+        ("axis 0 0 90 XYZ", "axis 0 0 90 XYY", "line 18: found axis order 'xyy'"),
+        ("dof rx", "dof rx rx", "line 19: found channel 'rx'"),
+        ("  end\n  begin", "  begin", "line 20: found 'begin' inside a bone"),
+        ("root thigh", "thigh root", "'root' below a second bone"),
+        ("root thigh", "shank thigh", "their own ancestors: thigh, shank"),
+        (ASF, ":name a", "no bones"),
     ],
 )
 def test_damaged_skeleton(tmp_path: Path, old: str, new: str, message: str) -> None:

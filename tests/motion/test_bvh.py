@@ -38,7 +38,7 @@ Frame Time: 0.0333333
 
 def write(tmp_path: Path, text: str) -> Path:
     path = tmp_path / "clip.bvh"
-    path.write_bytes(text.encode())
+    path.write_bytes(text.encode("latin-1" if text.startswith("\xff\xfe") else "utf-8"))
     return path
 
 
@@ -63,6 +63,9 @@ def test_small_file(tmp_path: Path) -> None:
         lambda text: text.replace("HIERARCHY", "hierarchy").replace("JOINT", "Joint"),
         lambda text: text.replace("ROOT Hips\n{", "ROOT Hips {"),
         lambda text: text.replace("\n1 2", "\n\n1 2") + "\n\n",
+        lambda text: text.replace("\n1 2 3 ", "\n1 2 3\n") + "\x1a",
+        lambda text: text.replace("\n  {\n    OFFSET", " { OFFSET").replace("\n  }\n}", "}}"),
+        lambda text: text.encode("utf-16").decode("latin-1"),
         lambda text: text.replace("0.0333333", "0,0333333"),
     ],
 )
@@ -94,17 +97,17 @@ def test_positions_that_are_added_to_the_offset(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("90 90\n", "90 nan\n", "line 20: found nan in frame 1, value 7"),
-        ("90 90\n", "90 x\n", "line 20: found '1 2 3 0 0 90 x'"),
+        ("90 90\n", "90 nan\n", "line 20: found nan for frame 1"),
+        ("90 90\n", "90 x\n", "line 20: found 'x'; expected numbers for frame 1"),
         ("90 90\n", "90\n", "line 20: found 6 values in frame 1; expected 7"),
-        ("90 90\n", "90 1e999\n", "line 20: found 1e999 in frame 1"),
+        ("90 90\n", "90 1e999\n", "line 20: found 1e999 for frame 1"),
         ("JOINT Left Leg", "JOINT Hips", "the joint name 'Hips' twice"),
         ("Frames: 2", "Frames: 0", "line 17: found Frames: 0"),
         ("Frames: 2", "Frames: 3", "found 2 rows of values; expected Frames: 3"),
-        ("Frames: 2", "Frames: -5", "line 17: found Frames: -5"),
+        ("Frames: 2", "Frames: -5", "line 17: found '-5'; expected a count"),
         ("0.0333333", "0", "line 18: found Frame Time: 0"),
-        ("0.0333333", "nan", "line 18: found Frame Time that is not finite"),
-        ("OFFSET 0 -10 0", "OFFSET 0 inf 0", "line 8: found OFFSET that is not finite"),
+        ("0.0333333", "nan", "line 18: found nan for Frame Time"),
+        ("OFFSET 0 -10 0", "OFFSET 0 inf 0", "line 8: found inf for OFFSET"),
         ("OFFSET 0 -10 0", "OFFSET 0 -10", "line 8: found 2 values"),
         ("    OFFSET 0 -10 0\n", "", "joint 'Left Leg' without OFFSET"),
         ("1 Xrotation", "2 Xrotation", "line 9: found 'CHANNELS 2 Xrotation'"),
@@ -115,6 +118,14 @@ def test_positions_that_are_added_to_the_offset(tmp_path: Path) -> None:
         ("MOTION\n", "", "line 16: found 'Frames: 2'"),
         ("HIERARCHY\nROOT Hips", "HIERARCHY\nJOINT Hips", "line 2: found JOINT outside ROOT"),
         ("Frames: 2\n", "", "no 'Frames:' line"),
+        (
+            "OFFSET 0 -10 0",
+            "OFFSET 0,5 -10 0",
+            "line 8: found '0,5'; expected numbers for OFFSET; write decimal",
+        ),
+        ("ROOT Hips", "ROOT Hips\0", "found binary data"),
+        ("Frames: 2", "Frames: ²", "found '²'"),
+        ("Frames: 2", "Frames: " + "9" * 5000, "expected a count"),
     ],
 )
 def test_refusals_name_the_place(tmp_path: Path, old: str, new: str, message: str) -> None:

@@ -119,8 +119,10 @@ def test_what_is_no_clip(tmp_path: Path) -> None:
         read_motion(tmp_path / "missing.bvh")
     other = tmp_path / "clip.fbx"
     other.write_text("")
-    with pytest.raises(InputError, match=r"a \.fbx file; expected a file of type \.bvh, \.amc"):
+    with pytest.raises(InputError, match=r"a \.fbx file; expected one of BVH \(\.bvh\), Acclaim"):
         read_motion(other)
+    with pytest.raises(InputError, match="no such file or embedded clip"):
+        read_motion("x" * 5000)
     with pytest.raises(InputError, match="positive cut-off"):
         read_motion("walk", low_pass=0.0)
 

@@ -10,11 +10,14 @@ from numpy.typing import NDArray
 
 from physique import rotations as rot
 from physique.errors import InputError
-from physique.motion.clip import Clip
+from physique.motion.clip import Clip, rest_tracks
+from physique.motion.reader import Reader
+from physique.motion.text import Line, first_words, joined, read_lines
 
 Array = NDArray[np.float64]
 INCH = 0.0254
 _CHANNELS = ("tx", "ty", "tz", "rx", "ry", "rz", "l")
+_ASF_SECTIONS = (":version", ":name", ":units", ":documentation", ":root", ":bonedata", ":hierarchy", ":skin")
 
 
 @dataclass
@@ -22,29 +25,38 @@ class _Bone:
     """One bone of the .asf: its rest direction in the world, its axis frame and its channels."""
 
     name: str
-    direction: tuple[float, ...] = (0.0, 0.0, 0.0)
+    direction: Array
     length: float = 0.0
     axis: Array | None = None  # (4,) world from the frame in which the channels turn
     dof: tuple[str, ...] = ()
     parent: int = -1
 
 
-@dataclass
+@dataclass(frozen=True)
 class _Skeleton:
+    """Bones, parents before children; metres a unit; whether angles are in degrees."""
+
     bones: list[_Bone]
     meters: float
     degrees: bool
 
 
 def find_asf(amc: Path) -> Path:
-    """The .asf of an .amc: beside it, with the same stem, the stem before "_", or the only one.
+    """The .asf of an .amc: beside it, with the same stem or the longest part of it before a "_",
+    or the only one.
 
     Raises InputError where there is none or more than one to choose from.
     """
     if not amc.is_file():
         raise InputError(str(amc), "no such file", "an .amc file", "check the path")
-    beside = sorted(path for path in amc.parent.iterdir() if path.suffix.lower() == ".asf")
-    for stem in (amc.stem, amc.stem.split("_")[0]):
+    try:
+        beside = sorted(path for path in amc.parent.iterdir() if path.suffix.lower() == ".asf")
+    except OSError as error:
+        raise InputError(
+            str(amc.parent), error.strerror or "an unreadable folder", "an .asf file", "check its permissions"
+        ) from error
+    parts = amc.stem.split("_")
+    for stem in ("_".join(parts[:n]) for n in range(len(parts), 0, -1)):
         for path in beside:
             if path.stem == stem:
                 return path
@@ -52,10 +64,7 @@ def find_asf(amc: Path) -> Path:
         return beside[0]
     found = f"{len(beside)} .asf files, none of that name" if beside else "no .asf file beside it"
     raise InputError(
-        str(amc),
-        found,
-        f"{amc.stem.split('_')[0]}.asf in the same folder",
-        "put the subject's .asf file there",
+        str(amc), found, f"{parts[0]}.asf in the same folder", "put the subject's .asf file there"
     )
 
 
@@ -67,26 +76,26 @@ def read_asfamc(amc: Path, asf: Path | None = None) -> Clip:
 
     Raises InputError naming the line for damaged or incomplete files.
     """
-    skeleton_path = asf or find_asf(amc)
-    skeleton = _read_asf(skeleton_path)
-    rows = _read_amc(amc, skeleton)  # one (T, dof) array a bone
+    lines = read_lines(amc, "an .amc file", comment="#")
+    if lines and lines[0].key in _ASF_SECTIONS:
+        raise InputError(
+            str(amc), "a skeleton without a motion", "an .amc file", "name the .amc of the motion"
+        )
+    skeleton = _read_asf(asf or find_asf(amc))
+    rows, degrees = _read_amc(amc, lines, skeleton)
     bones = skeleton.bones
-    frames = len(rows[0])
     offsets = np.zeros((len(bones), 3))
     for j, bone in enumerate(bones):
         if bone.parent >= 0:
-            up = bones[bone.parent]
-            offsets[j] = np.array(up.direction) * up.length
-    rotations = np.tile(rot.IDENTITY, (frames, len(bones), 1))
-    positions = np.tile(offsets, (frames, 1, 1))
+            offsets[j] = bones[bone.parent].direction * bones[bone.parent].length
+    rotations, positions = rest_tracks(str(amc), offsets, len(rows[0]))
     for j, bone in enumerate(bones):
         turns = [i for i, channel in enumerate(bone.dof) if channel[0] == "r"]
         if turns:
             # Acclaim multiplies in the listed order: the first channel turns first.
             order = "".join(bone.dof[i][1] for i in reversed(turns))
             angles = rows[j][:, list(reversed(turns))]
-            angles = np.radians(angles) if skeleton.degrees else angles
-            turn = rot.from_euler(order, angles)
+            turn = rot.from_euler(order, np.radians(angles) if degrees else angles)
             axis = bone.axis if bone.axis is not None else rot.IDENTITY
             turn = rot.multiply(rot.multiply(axis, turn), rot.conjugate(axis))
             rotations[:, j] = rot.positive(turn)
@@ -107,129 +116,144 @@ def read_asfamc(amc: Path, asf: Path | None = None) -> Clip:
     )
 
 
-def _read_lines(path: Path) -> list[tuple[int, list[str]]]:
-    """Line numbers from 1 and words, without comments and blank lines."""
-    try:
-        text = path.read_bytes().decode("utf-8-sig", errors="replace")
-    except OSError as error:
-        raise InputError(
-            str(path),
-            error.strerror or "an unreadable file",
-            "an Acclaim file",
-            "check the path and its permissions",
-        ) from error
-    lines = [(i, line.split("#")[0].split()) for i, line in enumerate(text.splitlines(), start=1)]
-    return [(number, words) for number, words in lines if words]
-
-
-def _floats(words: list[str], place: str) -> list[float]:
-    try:
-        values = [float(word) for word in words]
-    except ValueError as error:
-        raise InputError(
-            place, f"{' '.join(words)[:60]!r}", "numbers", "correct the line or copy the file anew"
-        ) from error
-    if not np.all(np.abs(values) < 1e9):  # nan is not
-        raise InputError(
-            place,
-            f"{' '.join(words)[:60]!r}",
-            "finite numbers below 1e9",
-            "repair the value or copy the file anew",
-        )
-    return values
-
-
 def _read_asf(path: Path) -> _Skeleton:
-    bones = [_Bone("root", axis=rot.IDENTITY, dof=("tx", "ty", "tz", "rx", "ry", "rz"))]
-    index = {"root": 0}
-    length, degrees, section = 1.0, True, ""
-    bone: _Bone | None = None
-    linked = {0}
-    for number, words in _read_lines(path):
-        place = f"{path}, line {number}"
-        key = words[0].lower()
-        if key.startswith(":"):
-            section = key
-        elif section == ":units" and key == "length":
-            length = _floats(words[1:2], place)[0]
-        elif section == ":units" and key == "angle":
-            degrees = words[1].lower().startswith("deg")
-        elif section == ":root" and key == "order":
-            bones[0].dof = _channels(words[1:], place)
-        elif section == ":root" and key == "axis":
-            if words[1].upper() != "XYZ":
-                raise InputError(place, f"root axis {words[1]}", "XYZ", "convert the file")
-        elif section == ":root" and key in ("position", "orientation"):
-            if any(_floats(words[1:4], place)):
-                raise InputError(place, f"a root {key} that is not zero", "0 0 0", "convert the file")
-        elif section == ":bonedata" and key == "begin":
-            bone = _Bone("")
-        elif section == ":bonedata" and key == "end" and bone is not None:
-            if not bone.name or bone.name in index:
-                raise InputError(
-                    place,
-                    f"bone name {bone.name!r} missing or twice",
-                    "a different name for every bone",
-                    "rename the bone",
-                )
-            index[bone.name] = len(bones)
-            bones.append(bone)
-            bone = None
-        elif section == ":bonedata" and bone is not None:
-            if key == "name":
-                bone.name = words[1]
-            elif key == "direction":
-                bone.direction = tuple(_floats(words[1:4], place))
-            elif key == "length":
-                bone.length = _floats(words[1:2], place)[0]
-            elif key == "axis":
-                order = words[4].lower() if len(words) > 4 else "xyz"
-                angles = np.array(_floats(words[1:4], place))
-                angles = np.radians(angles) if degrees else angles
-                # The first named axis turns first, so the last is the outermost.
-                bone.axis = rot.from_euler(order[::-1], angles[::-1])
-            elif key == "dof":
-                bone.dof = _channels(words[1:], place)
-        elif section == ":hierarchy" and key not in ("begin", "end"):
-            for word in words:
-                if word not in index:
-                    raise InputError(place, f"bone {word!r}", "a bone of :bonedata", "correct the hierarchy")
-            for word in words[1:]:
-                bones[index[word]].parent = index[words[0]]
-                linked.add(index[word])
-    if len(bones) == 1 or len(linked) < len(bones):
-        loose = [b.name for i, b in enumerate(bones) if i not in linked]
-        found = f"bones outside the hierarchy: {', '.join(loose[:5])}" if loose else "no bones"
+    sections: dict[str, list[Line]] = {"": []}
+    section = ""
+    for line in read_lines(path, "an .asf file", comment="#"):
+        if line.key.startswith(":"):
+            section = line.key
+            sections.setdefault(section, [])
+        else:
+            sections[section].append(line)
+    length, degrees = _read_units(sections.get(":units", []))
+    bones = [_read_root(sections.get(":root", []))]
+    bones += _read_bones(sections.get(":bonedata", []), degrees)
+    linked = _link(bones, sections.get(":hierarchy", []))
+    if len(bones) == 1 or not all(linked):
+        loose = [bone.name for bone, link in zip(bones, linked, strict=True) if not link]
         raise InputError(
             str(path),
-            found,
+            f"bones outside the hierarchy: {joined(loose, 5)}" if loose else "no bones",
             "an Acclaim skeleton with :bonedata and :hierarchy",
             "check that the file is complete",
-        )
-    if not length > 0:
-        raise InputError(
-            str(path), f"length unit {length:g}", "a positive number", "correct the :units section"
         )
     return _Skeleton(_parents_first(bones, path), INCH / length, degrees)
 
 
-def _channels(words: list[str], place: str) -> tuple[str, ...]:
-    channels = tuple(word.lower() for word in words)
-    if bad := [channel for channel in channels if channel not in _CHANNELS]:
-        raise InputError(place, f"channel {bad[0]!r}", "tx ty tz rx ry rz", "correct the line")
+def _read_units(lines: list[Line]) -> tuple[float, bool]:
+    """The length unit, and whether angles are in degrees."""
+    length, degrees = 1.0, True
+    for line in lines:
+        if line.key == "length":
+            length = line.numbers(1, "length", 1)[0]
+            if not 1e-6 < length < 1e6:
+                raise line.error(f"length unit {length:g}", "a positive number, such as 0.45")
+        elif line.key == "angle":
+            degrees = line.word(1, "deg or rad").lower().startswith("deg")
+    return length, degrees
+
+
+def _read_root(lines: list[Line]) -> _Bone:
+    root = _Bone("root", np.zeros(3), axis=rot.IDENTITY, dof=("tx", "ty", "tz", "rx", "ry", "rz"))
+    for line in lines:
+        if line.key == "order":
+            root.dof = _channels(line)
+        elif line.key == "axis" and line.word(1, "XYZ").upper() != "XYZ":
+            raise line.error(f"root axis {line.words[1]}", "XYZ", "export the skeleton with that axis order")
+        elif line.key in ("position", "orientation") and any(line.numbers(1, line.key, 3)):
+            remedy = "write zeros there, if the root may move so, or export the file anew"
+            raise line.error(f"a root {line.key} that is not zero", "0 0 0", remedy)
+    return root
+
+
+def _read_bones(lines: list[Line], degrees: bool) -> list[_Bone]:
+    bones: list[_Bone] = []
+    names = {"root"}
+    bone: _Bone | None = None
+    for line in lines:
+        if line.key == "begin":
+            if bone is not None:
+                raise line.error("'begin' inside a bone", "'end' first")
+            bone = _Bone("", np.zeros(3))
+        elif bone is None:
+            raise line.error(f"{line.words[0][:40]!r} outside a bone", "'begin'")
+        elif line.key == "name":
+            bone.name = line.word(1, "the bone's name")
+        elif line.key == "direction":
+            bone.direction = np.array(line.numbers(1, "direction", 3))
+        elif line.key == "length":
+            bone.length = line.numbers(1, "length", 1)[0]
+        elif line.key == "axis":
+            bone.axis = _axis(line, degrees)
+        elif line.key == "dof":
+            bone.dof = _channels(line)
+        elif line.key == "end":
+            if not bone.name or bone.name in names:
+                raise line.error(
+                    f"bone name {bone.name!r} missing or twice",
+                    "a different name for every bone",
+                    "rename it",
+                )
+            names.add(bone.name)
+            bones.append(bone)
+            bone = None
+    if bone is not None:
+        raise lines[-1].error(f"bone {bone.name!r} without an end", "'end' after each bone")
+    return bones
+
+
+def _axis(line: Line, degrees: bool) -> Array:
+    """(4,) world from the bone's frame, of "axis 0 0 90 XYZ"."""
+    order = line.words[4].lower() if len(line.words) > 4 else "xyz"
+    if sorted(order) != ["x", "y", "z"]:
+        raise line.error(f"axis order {order[:40]!r}", "XYZ in any order")
+    angles = np.array(Line(line.path, line.number, line.words[:4]).numbers(1, "axis", 3))
+    # The first named axis turns first, so the last is the outermost.
+    return rot.from_euler(order[::-1], (np.radians(angles) if degrees else angles)[::-1])
+
+
+def _channels(line: Line) -> tuple[str, ...]:
+    channels = tuple(word.lower() for word in line.words[1:])
+    if bad := [c for c in channels if c not in _CHANNELS or channels.count(c) > 1]:
+        raise line.error(f"channel {bad[0][:40]!r}", "tx ty tz rx ry rz l, each once")
     return channels
+
+
+def _link(bones: list[_Bone], lines: list[Line]) -> list[bool]:
+    """Set each bone's parent; which bones have one, or are the root."""
+    index = {bone.name: i for i, bone in enumerate(bones)}
+    linked = [i == 0 for i in range(len(bones))]
+    for line in lines:
+        if line.key in ("begin", "end"):
+            continue
+        for word in line.words:
+            if word not in index:
+                raise line.error(f"bone {word[:40]!r}", "a bone of :bonedata", "correct the hierarchy")
+        for child in (index[word] for word in line.words[1:]):
+            if linked[child]:
+                raise line.error(
+                    f"bone {bones[child].name!r} below a second bone",
+                    "one parent for every bone, none for the root",
+                    "correct the hierarchy",
+                )
+            bones[child].parent, linked[child] = index[line.words[0]], True
+    return linked
 
 
 def _parents_first(bones: list[_Bone], path: Path) -> list[_Bone]:
     """The bones in an order in which parents precede children."""
-    order: list[int] = [0]
+    children: list[list[int]] = [[] for _ in bones]
+    for i, bone in enumerate(bones[1:], start=1):
+        children[bone.parent].append(i)
+    order = [0]
     for i in order:  # grows while it is walked
-        order += [j for j, bone in enumerate(bones) if bone.parent == i and j not in order]
+        order += children[i]
     if len(order) != len(bones):
+        loose = joined([bone.name for i, bone in enumerate(bones) if i not in order], 5)
         raise InputError(
             str(path),
-            "a hierarchy that is not a tree",
-            "one parent for every bone",
+            f"bones that are their own ancestors: {loose}",
+            "a tree",
             "correct the :hierarchy section",
         )
     new = {old: i for i, old in enumerate(order)}
@@ -238,49 +262,45 @@ def _parents_first(bones: list[_Bone], path: Path) -> list[_Bone]:
     return [bones[i] for i in order]
 
 
-def _read_amc(path: Path, skeleton: _Skeleton) -> list[Array]:
+def _read_amc(path: Path, lines: list[Line], skeleton: _Skeleton) -> tuple[list[Array], bool]:
+    """One (T, dof) array a bone, and whether the angles in them are in degrees."""
     bones = {bone.name: bone for bone in skeleton.bones}
     needed = {bone.name for bone in skeleton.bones if bone.dof}
+    degrees = skeleton.degrees
     frames: list[dict[str, list[float]]] = []
-    for number, words in _read_lines(path):
-        place = f"{path}, line {number}"
-        if words[0].startswith(":"):
-            if words[0].upper() == ":RADIANS":
-                skeleton.degrees = False
-        elif len(words) == 1 and words[0].isdigit():
+    for line in lines:
+        name = line.words[0]
+        if name.startswith(":"):
+            degrees = degrees and line.key != ":radians"
+        elif len(line.words) == 1 and name.isdigit():
             _check_complete(path, frames, needed)
             frames.append({})
         elif not frames:
-            raise InputError(
-                place, f"{words[0]!r}", "a frame number first", "check that this is an .amc file"
-            )
+            raise line.error(f"{name[:40]!r}", "a frame number first", "check that this is an .amc file")
         else:
-            bone = bones.get(words[0])
-            if bone is None or words[0] in frames[-1]:
-                raise InputError(
-                    place,
-                    f"bone {words[0]!r} in frame {len(frames)}",
+            bone = bones.get(name)
+            if bone is None or name in frames[-1]:
+                raise line.error(
+                    f"bone {name[:40]!r} in frame {len(frames)}",
                     "each bone of the .asf once a frame",
                     "check that the .asf and .amc belong together",
                 )
-            values = _floats(words[1:], place)
+            values = line.numbers(1, f"{name!r}")
             if len(values) != len(bone.dof):
-                raise InputError(
-                    place,
-                    f"{len(values)} values for {bone.name!r}",
-                    f"{len(bone.dof)}, as its dof line in the .asf",
-                    "the file is cut off or damaged: copy it anew",
+                raise line.error(
+                    f"{len(values)} values for {name!r}", f"{len(bone.dof)}, as its dof line in the .asf"
                 )
-            frames[-1][words[0]] = values
+            frames[-1][name] = values
     if not frames:
         raise InputError(
             str(path), "no frames", "an .amc file with one frame or more", "check that the file is complete"
         )
     _check_complete(path, frames, needed)
-    return [
+    rows = [
         np.array([f[bone.name] for f in frames]) if bone.dof else np.zeros((len(frames), 0))
         for bone in skeleton.bones
     ]
+    return rows, degrees
 
 
 def _check_complete(path: Path, frames: list[dict[str, list[float]]], needed: set[str]) -> None:
@@ -291,3 +311,12 @@ def _check_complete(path: Path, frames: list[dict[str, list[float]]], needed: se
             "every bone in every frame",
             "the file is cut off or damaged: copy it anew",
         )
+
+
+def _recognises(head: bytes, path: Path) -> bool:
+    """A section's name or a frame number first; of an .asf too, of which `read_asfamc` says more."""
+    words = [*first_words(head, 2), "", ""]
+    return words[0].startswith(":") or (words[0].isdigit() and words[1] == "root")
+
+
+READER = Reader("Acclaim", (".amc",), _recognises, read_asfamc)

@@ -7,6 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from physique.errors import InputError
+from physique.rotations import IDENTITY
+
+_MOST_TRACKS = 50_000_000  # joints times frames: 3 GB of rotations and positions
+
 
 @dataclass(frozen=True)
 class Clip:
@@ -75,3 +80,20 @@ class Motion:
     def seconds(self) -> float:
         """Duration, s."""
         return (self.frames - 1) / self.fps
+
+
+def rest_tracks(
+    source: str, offsets: NDArray[np.float64], frames: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Rotations (T, J, 4) and positions (T, J, 3) of a clip that stays at offsets (J, 3).
+
+    Raises InputError, before they are made, for more frames than a computer can hold.
+    """
+    if len(offsets) * frames > _MOST_TRACKS:
+        raise InputError(
+            source,
+            f"{len(offsets)} joints in {frames} frames",
+            f"at most {_MOST_TRACKS:,} joints times frames",
+            "cut the recording into parts",
+        )
+    return np.tile(IDENTITY, (frames, len(offsets), 1)), np.tile(offsets, (frames, 1, 1))

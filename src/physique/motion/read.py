@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,36 +10,29 @@ import numpy as np
 from physique import rotations as rot
 from physique.errors import InputError
 from physique.motion import ground, rig
-from physique.motion.asfamc import read_asfamc
-from physique.motion.bvh import read_bvh
 from physique.motion.clip import Clip, Motion
 from physique.motion.conventions import apply_mapping, read_mapping, recognize
 from physique.motion.filter import low_pass as low_pass_filter
 from physique.motion.filter import repair_spikes
 from physique.motion.library import load_clip
+from physique.motion.readers import by_suffix, choose_reader
 from physique.motion.tpose import find_tpose
-
-_READERS: dict[str, Callable[[Path], Clip]] = {".bvh": read_bvh, ".amc": read_asfamc}
 
 
 def read_clip(clip: str | Path) -> Clip:
-    """The clip in a .bvh or .amc file (the .asf lies beside it), or the embedded clip of a name.
+    """The clip in a motion file (of an .amc the .asf lies beside it), or the embedded clip of a name.
 
     Raises InputError for what is neither, and for damaged files.
     """
     path = Path(clip)
-    reader = _READERS.get(path.suffix.lower())
-    if reader is not None:
-        if not path.is_file():
-            raise InputError(str(path), "no such file", "a motion file", "check the path")
-        return reader(path)
-    if path.exists():
-        raise InputError(
-            str(path),
-            f"a {path.suffix or 'nameless'} file",
-            f"a file of type {', '.join(_READERS)}",
-            "convert it (for .asf, name the .amc)",
-        )
+    try:
+        exists = path.is_file()
+    except OSError:  # a name too long for a file
+        exists = False
+    if exists:
+        return choose_reader(path).read(path)
+    if by_suffix(path):
+        raise InputError(str(path), "no such file", "a motion file", "check the path")
     return load_clip(str(clip))
 
 
@@ -91,6 +83,10 @@ def trim(motion: Motion, start: float | None = None, end: float | None = None) -
 
     Raises InputError where the clip does not have that part.
     """
+    if motion.frames < 2:
+        raise InputError(
+            motion.source, "a single frame", "a motion of two frames or more", "export the whole motion"
+        )
     first = 0.0 if start is None else start
     last = motion.seconds if end is None else end
     if not (0 <= first < last <= motion.seconds + 1.0 / motion.fps):
