@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from difflib import get_close_matches
+
 
 class InputError(ValueError):
     """Input that cannot be used: a file, an option or a value.
@@ -14,3 +17,9 @@ class InputError(ValueError):
         self.place, self.found, self.expected, self.remedy = place, found, expected, remedy
         text = f"{place}: found {found}; expected {expected}; {remedy}"
         super().__init__(" ".join(text.split()))
+
+
+def suggest(word: str, known: Iterable[str], otherwise: str) -> str:
+    """A remedy for a name that is not there: the nearest of those that are, or the other one."""
+    near = get_close_matches(word, list(known), n=1)
+    return f"did you mean {near[0]!r}?" if near else otherwise

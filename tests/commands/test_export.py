@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 import physique
 from command_line import call
-from physique.cli import Export, parse
+from physique.cli import parse
+from physique.cli.show import ExportCommand
 from physique.commands.export import SUFFIXES, Format, export_run, file_names
 from physique.errors import InputError
 from physique.motion.bvh import read_bvh
@@ -209,5 +210,5 @@ def test_the_documented_commands_are_commands() -> None:
     assert len(commands) >= 5
     for command in commands:
         made = parse(shlex.split(command)[1:])
-        assert isinstance(made, Export)
+        assert isinstance(made, ExportCommand)
         assert any(made.out.suffix in suffixes for suffixes in SUFFIXES.values())

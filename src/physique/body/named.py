@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from physique.body.fit import Sex, make_body
 from physique.body.mesh import BodyMesh
-from physique.errors import InputError
+from physique.errors import InputError, suggest
 
 
 @dataclass(frozen=True)
@@ -41,6 +41,7 @@ PEOPLE: dict[str, Person] = {
 def named_body(name: str) -> BodyMesh:
     """The ready body of this name; InputError lists the names if there is none."""
     if name not in PEOPLE:
-        raise InputError("body", repr(name), "one of " + ", ".join(PEOPLE), "choose one of these")
+        remedy = suggest(name, PEOPLE, "choose one of these")
+        raise InputError("body", repr(name), "one of " + ", ".join(PEOPLE), remedy)
     p = PEOPLE[name]
     return make_body(p.sex, p.height, p.mass, p.age, muscle=p.muscle, name=name)

@@ -1,4 +1,7 @@
-"""What the commands show: tables on stdout; progress, warnings and errors on stderr."""
+"""What the commands show: tables on stdout; warnings and errors on stderr.
+
+A reader that has seen enough (`| head -1`) ends what is shown, never the work.
+"""
 
 from __future__ import annotations
 
@@ -6,17 +9,20 @@ import dataclasses
 import json
 import logging
 import os
+import platform
 import re
+import shlex
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+import tempfile
+import textwrap
+import traceback
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any, TextIO
 
 from rich import box
 from rich.console import Console
 from rich.logging import RichHandler
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from physique.errors import InputError
@@ -24,24 +30,50 @@ from physique.errors import InputError
 if TYPE_CHECKING:
     from physique.body.describe import BodyFacts
     from physique.commands.feedback import PushReport
-    from physique.commands.retarget import Progress as Step
-    from physique.feedback.growth import GrowthProgress
-    from physique.feedback.pushes import Trial
     from physique.runs.run import Run
 
 
 _FILE_WIDTH = 200  # characters, of tables that go to a file or a pipe
 
 
-def fail(text: str) -> None:
-    """Print an error, one line, to stderr."""
-    sys.stderr.write(f"physique: {text}\n")
+class Screen(Console):
+    """A console that says no more once nobody reads it."""
+
+    def on_broken_pipe(self) -> None:
+        """Go on in silence; rich would end the process."""
+        self.quiet = True
+        _abandon(self.file)
 
 
 def say(text: str) -> None:
     """Print a line to stdout, at once."""
-    sys.stdout.write(f"{text}\n")
-    sys.stdout.flush()
+    _write(sys.stdout, f"{text}\n")
+
+
+def tell(text: str) -> None:
+    """Print text as it is to stderr, at once."""
+    _write(sys.stderr, text)
+
+
+def fail(text: str) -> None:
+    """Print an error, one line, to stderr."""
+    tell(f"physique: {text}\n")
+
+
+def fail_unforeseen(fault: Exception, arguments: Sequence[str], versions: str) -> None:
+    """Print an error that no message was written for, and where its traceback is kept."""
+    about = f"{versions}, Python {platform.python_version()}, {platform.platform()}"
+    report = f"{about}\nphysique {shlex.join(arguments)}\n\n{''.join(traceback.format_exception(fault))}"
+    words = textwrap.shorten(f"{type(fault).__name__}: {fault}", 200)
+    try:
+        with tempfile.NamedTemporaryFile(
+            "w", prefix="physique-", suffix=".txt", delete=False, encoding="utf-8"
+        ) as file:
+            file.write(report)
+        where = f"please report it, with the file {file.name}"
+    except OSError:
+        where = f"no file could be written, so please report this:\n{report}"
+    fail(f"a fault of physique's own: {words}; {where}")
 
 
 def usage_error(text: str) -> InputError:
@@ -63,7 +95,7 @@ def usage_error(text: str) -> InputError:
 def set_up_logging() -> None:
     """Show the library's warnings on stderr, one line each."""
     handler = RichHandler(
-        console=Console(stderr=True, soft_wrap=True),
+        console=Screen(stderr=True, soft_wrap=True),
         show_time=False,
         show_path=False,
         markup=False,
@@ -72,9 +104,22 @@ def set_up_logging() -> None:
     logging.basicConfig(level=logging.WARNING, format="%(message)s", handlers=[handler])
 
 
-def abandon_stdout() -> None:
-    """Let the interpreter's last flush go nowhere: nobody reads stdout any more."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+def _write(stream: TextIO | None, text: str) -> None:
+    """Write to stdout or stderr, which may be closed, now or from the first."""
+    if stream is None or not text:
+        return
+    try:
+        stream.write(text)
+        stream.flush()
+    except BrokenPipeError:
+        _abandon(stream)
+
+
+def _abandon(stream: IO[str]) -> None:
+    """Let all further output, the interpreter's last flush too, go nowhere."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, stream.fileno())
+    os.close(nowhere)
 
 
 def table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
@@ -85,7 +130,7 @@ def table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
         out.add_column(column, justify="right" if numbers else "left", no_wrap=index == 0)
     for row in rows:
         out.add_row(*row)
-    screen = Console(soft_wrap=False)
+    screen = Screen(soft_wrap=False)
     if not screen.is_terminal:
         screen.width = _FILE_WIDTH
     screen.print(out, markup=False)
@@ -94,7 +139,7 @@ def table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
 def show_facts(facts: BodyFacts, as_json: bool) -> None:
     """Print what a body is like, as a table or as JSON."""
     if as_json:
-        sys.stdout.write(json.dumps(dataclasses.asdict(facts), indent=2) + "\n")
+        say(json.dumps(dataclasses.asdict(facts), indent=2))
         return
     rows = [
         ("height", f"{facts.height_m:.3f} m"),
@@ -130,7 +175,7 @@ def show_runs(runs: Sequence[Run]) -> None:
 def show_files(paths: Sequence[Path]) -> None:
     """Print where results are."""
     for path in paths:
-        sys.stdout.write(f"{path}\n")
+        say(str(path))
 
 
 def show_tree(tree: dict[str, Any]) -> None:
@@ -139,13 +184,13 @@ def show_tree(tree: dict[str, Any]) -> None:
     rows = [tuple(str(subtree[name]) for name in names) for subtree in tree["subtrees"]]
     rows.append(("all", *(str(tree[name]) for name in names[1:])))
     table(tuple(name.replace("_", " ") for name in names), rows)
-    sys.stdout.write(f"{tree['sim_steps']:,} simulated steps, {tree['seconds']:.0f} s\n")
+    say(f"{tree['sim_steps']:,} simulated steps, {tree['seconds']:.0f} s")
 
 
 def show_pushes(report: PushReport, as_json: bool) -> None:
     """Print how a controller stood pushes, as a table or as JSON."""
     if as_json:
-        sys.stdout.write(json.dumps(dataclasses.asdict(report), indent=2) + "\n")
+        say(json.dumps(dataclasses.asdict(report), indent=2))
         return
     recovery, decision = report.median_recovery_s, report.decision_ms
     rows = [
@@ -159,94 +204,6 @@ def show_pushes(report: PushReport, as_json: bool) -> None:
         ("seconds of motion a second", f"{report.realtime_factor:.1f}"),
     ]
     table(("", ""), rows)
-
-
-def _tenths(screen: Console) -> Callable[[str, str, float], None]:
-    """A function of a work's title, its state and the share that is done, 0 to 1: it tells them on
-    stderr, a line for each tenth, where no terminal shows the bar."""
-    told: set[tuple[str, int]] = set()
-
-    def tell(title: str, state: str, share: float) -> None:
-        tenth = (title, int(10 * share + 1e-9))
-        if not screen.is_terminal and tenth not in told:
-            told.add(tenth)
-            sys.stderr.write(f"{title}: {state}\n")
-
-    return tell
-
-
-def _bar(screen: Console, state: TextColumn) -> Progress:
-    """A bar with a title, a state in words and the time; none where no terminal is."""
-    return Progress(
-        TextColumn("{task.description}", markup=False),
-        BarColumn(),
-        state,
-        TimeElapsedColumn(),
-        console=screen,
-        transient=True,
-        redirect_stdout=False,
-        disable=not screen.is_terminal,
-    )
-
-
-@contextmanager
-def counting(title: str, total: int) -> Iterator[Callable[[int, Trial], None]]:
-    """A progress bar on stderr of trials, and how many were survived; none where no terminal is."""
-    screen = Console(stderr=True)
-    bar = _bar(screen, TextColumn("{task.completed} of {task.total}, {task.fields[survived]} survived"))
-    survived = 0
-    with bar:
-        task = bar.add_task(title, total=total, survived=0)
-
-        def report(done: int, trial: Trial) -> None:
-            nonlocal survived
-            survived += trial.survived
-            bar.update(task, completed=done, survived=survived)
-
-        yield report
-
-
-@contextmanager
-def growth(title: str) -> Iterator[Callable[[GrowthProgress], None]]:
-    """A progress bar on stderr of a growing tree; where that is no terminal, a line a tenth."""
-    screen = Console(stderr=True)
-    bar = _bar(screen, TextColumn("{task.fields[state]}", markup=False))
-    with bar:
-        task = bar.add_task(title, total=None, state="starting")
-        tell = _tenths(screen)
-
-        def report(step: GrowthProgress) -> None:
-            state = (
-                f"{step.coverage:.0%} covered, {step.states} perturbed states, {step.nodes} nodes, "
-                f"{step.seconds_left:.0f} s left"
-            )
-            bar.update(task, total=step.total, completed=step.done, state=state)
-            tell(title, state, step.done / step.total)
-
-        yield report
-
-
-@contextmanager
-def progress(title: str) -> Iterator[Callable[[Step], None]]:
-    """A progress bar on stderr; where that is no terminal, a line a tenth."""
-    screen = Console(stderr=True)
-    bar = _bar(screen, TextColumn("{task.fields[state]}", markup=False))
-    with bar:
-        task = bar.add_task(title, total=None, state="reading")
-        tell = _tenths(screen)
-
-        def report(step: Step) -> None:
-            state = f"{step.done:.1f} of {step.total:.1f} s"
-            if step.error is not None:
-                state += f", error {1e3 * step.error:.0f} mm"
-            if step.cost is not None:
-                state += f", E {step.cost:.2f}"
-            if step.iteration:
-                state += f" ({step.iteration})"
-            bar.update(task, description=step.name, total=step.total, completed=step.done, state=state)
-            tell(step.name, state, step.done / step.total)
-
-        yield report
 
 
 def _is_number(text: str) -> bool:

@@ -141,7 +141,10 @@ def _format(wanted: Format | None, out: Path) -> Format:
         if wanted == kind or (wanted is None and out.suffix.lower() in suffixes):
             return kind
     found = repr(wanted) if wanted is not None else f"the suffix {out.suffix!r} of {out.name!r}"
-    raise InputError("format", found, ", ".join(SUFFIXES), "give one of these as --format")
+    remedy = "give one of these as --format"
+    if out.suffix.lower() == ".fbx":
+        remedy = "write a .glb, then `python tools/glb_to_fbx.py in.glb out.fbx` (needs the package bpy)"
+    raise InputError("format", found, ", ".join(SUFFIXES), remedy)
 
 
 def _check_suffix(kind: Format, out: Path) -> None:

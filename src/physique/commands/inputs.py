@@ -20,7 +20,7 @@ from physique.body.held import Hand, Held, parse_held
 from physique.body.mesh import BodyMesh
 from physique.body.named import PEOPLE, named_body
 from physique.character.strength import torque_limits
-from physique.errors import InputError
+from physique.errors import InputError, suggest
 from physique.motion.read import read_clip
 from physique.reference.target import TERMS, Weights
 
@@ -52,7 +52,7 @@ def find_body(body: BodyLike) -> tuple[BodyMesh | None, CapsuleBody]:
         f"body {body!r}",
         "no such body or file",
         "a body file (.npz) or one of " + ", ".join(PEOPLE),
-        "correct the name, or make a file with `physique body --out`",
+        suggest(str(body), PEOPLE, "correct the name, or make a file with `physique body --out`"),
     )
 
 

@@ -9,7 +9,7 @@ from importlib import resources
 import numpy as np
 from numpy.typing import NDArray
 
-from physique.errors import InputError
+from physique.errors import InputError, suggest
 from physique.motion.clip import Clip
 
 _DATA = "clips.npz"
@@ -59,7 +59,7 @@ def load_clip(name: str) -> Clip:
             f"clip {name!r}",
             "no such file or embedded clip",
             f"a path or one of {', '.join(names)}",
-            "correct the name",
+            suggest(name, names, "correct the name"),
         )
     i = names.index(name)
     first = int(data["frames"][:i].sum())
