@@ -16,7 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
-from physique.commands.export import SUFFIXES, TOGETHER, export_run
+from physique.commands.export import export_run
+from physique.export.formats import FORMATS
 from physique.runs.run import Run, load_run
 from physique.tracking.trajectory import Trajectory
 
@@ -30,17 +31,17 @@ def main() -> None:
     run = repeated(load_run(arguments.run), arguments.seconds)
     print("| format | wall s | CPU s | kB | CPU s a picture |\n| --- | --- | --- | --- | --- |")
     with tempfile.TemporaryDirectory() as folder:
-        for kind in SUFFIXES:
-            out = Path(folder) / f"run{SUFFIXES[kind][0]}"
+        for kind in FORMATS:
+            out = Path(folder) / f"run{kind.suffixes[0]}"
             short = repeated(run, 0.1)
-            export_run(short, kind, out, source=kind in TOGETHER)
+            export_run(short, kind.name, out, source=kind.together)
             wall, cpu = time.perf_counter(), time.process_time()
-            export_run(run, kind, out)
+            export_run(run, kind.name, out)
             wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
             pictures = 25 * arguments.seconds + 1
-            each = f"{cpu / pictures:.3f}" if kind == "mp4" else ""
+            each = f"{cpu / pictures:.3f}" if kind.name == "mp4" else ""
             size = out.stat().st_size / 1000
-            print(f"| {kind} | {wall:.2f} | {cpu:.2f} | {size:.0f} | {each} |", flush=True)
+            print(f"| {kind.name} | {wall:.2f} | {cpu:.2f} | {size:.0f} | {each} |", flush=True)
 
 
 def repeated(run: Run, seconds: float) -> Run:

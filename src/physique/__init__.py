@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from physique.character.strength import torque_limits
     from physique.commands.export import export_run
     from physique.commands.feedback import PushReport, grow_tree, push, stabilize
+    from physique.commands.report import write_report
     from physique.commands.retarget import Progress, export_bvh, retarget
     from physique.errors import InputError
     from physique.feedback.policy import Policy, load_policy
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
     from physique.motion.read import read_motion
     from physique.reference.reference import Reference, make_reference
     from physique.reference.target import Weights
-    from physique.report.report import write_report
     from physique.runs.run import Run, load_run
     from physique.tracking.trajectory import Trajectory
 
@@ -91,7 +91,7 @@ _HOME = {
     "physique.reference.reference": ("Reference", "make_reference"),
     "physique.character.start": ("start_state",),
     "physique.tracking.trajectory": ("Trajectory",),
-    "physique.report.report": ("write_report",),
+    "physique.commands.report": ("write_report",),
 }
 
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import re
 import shlex
-import sys
-import types
 from collections.abc import Sequence
 from dataclasses import replace
+from inspect import signature
 from pathlib import Path
+from pkgutil import resolve_name
 
 import numpy as np
 import pytest
@@ -20,9 +20,10 @@ import physique
 from command_line import call
 from physique.cli import parse
 from physique.cli.show import ExportCommand
-from physique.commands.export import SUFFIXES, Format, export_run, file_names
+from physique.commands.export import export_run, file_names
 from physique.errors import InputError
-from physique.motion.bvh import read_bvh
+from physique.export import formats
+from physique.export.formats import FORMATS, Format
 from physique.runs.run import Run, finish_run, load_run
 
 Array = NDArray[np.float64]
@@ -60,22 +61,20 @@ def test_each_format_from_the_command_line(
 
 
 def test_the_suffix_says_the_format(folder: Path, tmp_path: Path) -> None:
-    for kind, suffixes in SUFFIXES.items():
-        if kind in ("glb", "mp4"):
+    for kind in FORMATS:
+        if kind.name in ("glb", "mp4"):
             continue
-        for suffix in suffixes:
+        for suffix in kind.suffixes:
             out = tmp_path / f"a{suffix}"
             assert physique.export_run(folder, None, out) == [out]
 
 
 def test_bvh_holds_the_simulation_or_the_source(run: Run, tmp_path: Path) -> None:
     made = [export_run(run, "bvh", tmp_path / f"{source}.bvh", source=source)[0] for source in (False, True)]
-    roots = [read_bvh(path) for path in made]
     lines = [path.read_text().splitlines()[-run.trajectory.frames :] for path in made]
     places = [np.array([[float(x) for x in line.split()[:3]] for line in part]) for part in lines]
-    assert len(roots) == 2
     # Centimetres, with the world's x along the file's z.
-    for place, q in zip(places, (run.trajectory.q, run.trajectory.reference_q)):
+    for place, q in zip(places, (run.trajectory.q, run.trajectory.source_q)):
         assert place[:, 2] == pytest.approx(100 * q[:, 0], abs=1e-3)
         assert place[:, 1] == pytest.approx(100 * q[:, 2], abs=1e-3)
 
@@ -90,11 +89,11 @@ def test_several_runs_share_a_file_or_go_to_a_folder(run: Run, tmp_path: Path) -
 
 
 def test_glb_gets_the_runs_and_its_options(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def write_glb(path: Path, runs: Sequence[Run], *, source: bool, capsules: bool) -> Path:
+    def write_glb(path: Path, runs: Sequence[Run], *, source: bool = False, capsules: bool) -> Path:
         path.write_text(f"{len(runs)} {source} {capsules}")
         return path
 
-    monkeypatch.setitem(sys.modules, "physique.export.gltf", types.SimpleNamespace(write_glb=write_glb))
+    monkeypatch.setattr("physique.export.gltf.write_glb", write_glb)
     out = tmp_path / "both.glb"
     assert export_run([run, run], None, out, capsules=True) == [out]
     assert out.read_text() == "2 False True"
@@ -126,8 +125,9 @@ def test_file_names_are_plain_and_different(titles: Sequence[str]) -> None:
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
-        (["--out", "a.fbx"], "the suffix '.fbx'"),
-        (["--format", "fbx", "--out", "a.fbx"], "fbx"),
+        (["--out", "a.txt"], "the suffix '.txt'"),
+        (["--out", "a.fbx"], "write a .glb and give it to Blender: tools/glb_to_fbx.py"),
+        (["--format", "FBX", "--out", "a.fbx"], "tools/glb_to_fbx.py"),
         (["--format", "csv", "--out", "a.txt"], "a file that ends in .csv"),
         (["--format", "csv", "--out", "a.csv", "--capsules"], "option capsules"),
         (["--format", "usd", "--out", "a.usd", "--rate", "5"], "option rate"),
@@ -185,22 +185,20 @@ def test_an_export_that_fails_leaves_the_old_file(
 
 
 def test_a_run_of_one_frame_can_be_exported(run: Run, tmp_path: Path) -> None:
-    motion = run.trajectory
-    one = replace(run, trajectory=motion.beginning(1))
-    kinds: list[Format] = ["bvh", "usd", "amass", "mjcf", "csv"]
-    for kind in kinds:
-        out = tmp_path / f"a{SUFFIXES[kind][0]}"
-        assert export_run(one, kind, out) == [out]
-    assert export_run(one, "mp4", tmp_path / "a.mp4", size=(64, 48))[0].is_file()
+    one = replace(run, trajectory=run.trajectory.beginning(1))
+    for kind in FORMATS:
+        out = tmp_path / f"a{kind.suffixes[0]}"
+        assert export_run(one, kind.name, out, size=(64, 48) if kind.name == "mp4" else None) == [out]
+        assert out.is_file()
 
 
 def test_the_same_run_gives_the_same_bytes(folder: Path, tmp_path: Path) -> None:
     run = load_run(folder)
-    kinds: list[Format] = ["bvh", "amass", "mjcf", "csv", "usd"]
-    for kind in kinds:
-        suffix = ".usda" if kind == "usd" else SUFFIXES[kind][0]
-        a, b = (export_run(run, kind, tmp_path / f"{n}{suffix}")[0] for n in "ab")
-        assert a.read_bytes() == b.read_bytes(), kind
+    for kind in FORMATS:
+        suffix = kind.suffixes[-1]  # .usda is text
+        size = (64, 48) if kind.name == "mp4" else None
+        a, b = (export_run(run, kind.name, tmp_path / f"{n}{suffix}", size=size)[0] for n in "ab")
+        assert a.read_bytes() == b.read_bytes(), kind.name
 
 
 def test_the_documented_commands_are_commands() -> None:
@@ -211,4 +209,51 @@ def test_the_documented_commands_are_commands() -> None:
     for command in commands:
         made = parse(shlex.split(command)[1:])
         assert isinstance(made, ExportCommand)
-        assert any(made.out.suffix in suffixes for suffixes in SUFFIXES.values())
+        assert any(kind.owns(made.out) for kind in FORMATS)
+
+
+def test_the_page_of_formats_has_them_all() -> None:
+    """Its tables of uses and of units have a line for each, its text the options of each."""
+    page = (Path(__file__).resolve().parents[2] / "docs" / "export.md").read_text(encoding="utf-8")
+    _, uses, units, options, *_ = re.split(r"^## ", page, flags=re.MULTILINE)
+    for kind in FORMATS:
+        assert f"`{kind.name}`" in uses
+        assert f"\n| `{kind.name}` |" in units
+        assert ("--rate" in units.split(f"\n| `{kind.name}` |")[1].split("\n")[0]) == ("rate" in kind.options)
+    for start, names in (
+        ("- `--capsules`", formats.names("capsules")),
+        ("- Several runs", formats.names(together=True)),
+    ):
+        line = next(line for line in options.splitlines() if line.startswith(start)).split(".")[0]
+        assert re.findall(r"`(\w+)`", line) == names.split(", ")
+
+
+def test_writers_take_the_options_of_their_formats() -> None:
+    for kind in FORMATS:
+        taken = signature(resolve_name(kind.writer)).parameters.values()
+        assert {p.name for p in taken if p.kind is p.KEYWORD_ONLY} == set(kind.options), kind.name
+
+
+def write_heights(path: Path, run: Run, *, rate: float = 100.0) -> None:
+    path.write_text(f"{rate:g} {run.trajectory.q[0, 2]:.3f}")
+
+
+def test_a_new_format_is_one_line(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    new = Format("heights", (".hts",), f"{__name__}:write_heights", ("rate",))
+    monkeypatch.setattr(formats, "FORMATS", (*FORMATS, new))
+    (out,) = export_run(run, None, tmp_path / "walk.hts", rate=5.0)
+    assert out.read_text() == f"5 {run.trajectory.q[0, 2]:.3f}"
+    files = export_run([run, run], "heights", tmp_path / "two")
+    assert [path.name for path in files] == ["walk_on_average.hts", "walk_on_average_2.hts"]
+    with pytest.raises(InputError, match="option source: found the format heights; expected glb, bvh"):
+        export_run(run, "heights", tmp_path / "walk.hts", source=True)
+    with pytest.raises(InputError, match="csv, heights"):
+        export_run(run, "pdf", tmp_path / "walk.hts")
+
+
+def test_help_names_the_formats(capfd: pytest.CaptureFixture[str]) -> None:
+    assert call("export", "--help") == 0
+    said = " ".join(re.sub(r"[^\w,().:-]+", " ", capfd.readouterr().out).split())
+    assert f"what to write: {formats.names()}" in said
+    for option in ("capsules", "rate", "size"):
+        assert f"({formats.names(option)})" in said

@@ -38,7 +38,7 @@ def smpl_joints(file: Path) -> np.ndarray:
 @pytest.mark.parametrize("source", [False, True])
 def test_joints_come_back_to_a_tenth_of_a_millimetre(run: Run, tmp_path: Path, source: bool) -> None:
     file = write_amass(tmp_path / "walk.npz", run, source=source)
-    q = run.trajectory.reference_q if source else run.trajectory.q
+    q = run.trajectory.source_q if source else run.trajectory.q
     wanted = kinematics.joint_positions(run.character(), q)
     assert np.abs(smpl_joints(file) - wanted).max() < 1e-4
 

@@ -35,7 +35,7 @@ def test_from_a_key_its_control_leads_to_the_next_frame(run: Run, tmp_path: Path
 
 def test_the_source_takes_the_place_of_the_simulation(run: Run, tmp_path: Path) -> None:
     model = mujoco.MjModel.from_xml_path(str(write_mjcf(tmp_path / "s.xml", run, source=True)))
-    wanted = run.trajectory.reference_q[::4]
+    wanted = run.trajectory.source_q[::4]
     np.testing.assert_allclose(model.key_qpos[:, :3], wanted[:, :3], rtol=0, atol=1e-9)
     np.testing.assert_allclose(model.key_qpos[:, 7:], wanted[:, 7:], rtol=0, atol=1e-9)
 

@@ -60,5 +60,5 @@ def test_the_floor_carries_the_body(run: Run, tmp_path: Path) -> None:
 def test_the_source_is_in_columns_of_its_own(run: Run, tmp_path: Path) -> None:
     table = read(write_table(tmp_path / "walk.csv", run, source=True))
     column = 7 + [h.name for h in HINGES].index("left_knee_y")
-    wanted = np.degrees(run.trajectory.reference_q[:, column])
+    wanted = np.degrees(run.trajectory.source_q[:, column])
     assert table["source_left_knee_y_deg"] == pytest.approx(wanted, abs=1e-3)

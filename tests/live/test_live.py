@@ -183,7 +183,7 @@ def test_a_stick_goes_with_the_hand(armed_run: Run) -> None:
         lane, act = page.stage.lanes[0], show.acts[0]
         (stick,), (ghost,) = lane._props, lane._ghost_props
         assert stick.node in lane.targets
-        for prop, q in ((stick, armed_run.trajectory.q), (ghost, armed_run.trajectory.reference_q)):
+        for prop, q in ((stick, armed_run.trajectory.q), (ghost, armed_run.trajectory.source_q)):
             wrist = joint_transforms(armed_run.body, q[30:31])[0, 21]
             assert prop.node.visible
             assert prop.node.position == pytest.approx(wrist[:, 3])

@@ -64,8 +64,10 @@ def on_screen(server: Any, tab: Any, point: Array) -> tuple[float, float]:
     away = point - camera.position
     box = tab.query_selector("canvas").bounding_box()
     scale = 0.5 * box["height"] / np.tan(0.5 * camera.fov) / (away @ forward)
-    x = box["x"] + 0.5 * box["width"] + scale * (away @ right)
-    return float(x), float(box["y"] + 0.5 * box["height"] - scale * (away @ up))
+    x = float(box["x"] + 0.5 * box["width"] + scale * (away @ right))
+    y = float(box["y"] + 0.5 * box["height"] - scale * (away @ up))
+    assert tab.evaluate(f"document.elementFromPoint({x}, {y}).tagName") == "CANVAS", "something covers it"
+    return x, y
 
 
 def chest(page: Page) -> Array:
@@ -90,6 +92,8 @@ def opened(browser: Any, server: Any, url: str) -> tuple[Any, list[str]]:
     tab.on("request", asked)
     tab.on("pageerror", lambda error: faults.append(str(error)))
     tab.goto(url)
+    # That the browser draws in software is told in a box that stays, over the body.
+    tab.add_style_tag(content="[role=alert] { display: none }")
     tab.wait_for_selector("canvas", timeout=1e3 * PATIENCE)
     until(lambda: server.get_clients(), "the page to connect")
     return tab, faults

@@ -15,6 +15,7 @@ from physique.render.skin import joint_transforms
 from physique.runs.run import Run
 from physique.simulation.session import Hit
 from standing import Balance
+from stepped_runs import BORDER, stepped
 
 Array = NDArray[np.float64]
 CHEST = Hit(skeleton.INDEX["spine3"], np.zeros(3))
@@ -198,3 +199,13 @@ def test_the_replay_holds_its_last_targets(standing: Run, frame: int) -> None:
     for i, targets in enumerate(given):
         assert np.array_equal(targets, control[min(at + i, len(control) - 1)])
     assert replay.frame == min(at + 3, len(control))
+
+
+def test_the_ghost_stays_and_errors_are_against_the_moved_source(run: Run) -> None:
+    still, moved = (make(r).acts[0] for r in (run, stepped(run)))
+    assert moved.source == pytest.approx(still.source)
+    assert moved.recorded.error[: BORDER + 1] == pytest.approx(still.recorded.error[: BORDER + 1])
+    assert abs(moved.recorded.error[BORDER + 1] - still.recorded.error[BORDER + 1]) > 1e-2
+    # The live performance measures as the recording does.
+    moved.trial.restart(BORDER + 5)
+    assert moved.trial.error == pytest.approx(moved.recorded.error[BORDER + 5], abs=1e-6)

@@ -17,10 +17,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from physique import cli
+from physique.character.kinematics import joint_positions
+from physique.commands.report import write_report
 from physique.errors import InputError
-from physique.report.report import MOST_FRAMES, frames_shown, json_for_script, write_report
+from physique.report.report import MOST_FRAMES, frames_shown, json_for_script
 from physique.runs.run import Run, finish_run
 from renamed_runs import EVIL, renamed
+from stepped_runs import BORDER, stepped
 
 ROOT = Path(__file__).parents[2]
 STATIC = ROOT / "src" / "physique" / "report" / "static"
@@ -63,6 +66,7 @@ def lengthened(run: Run, frames: int) -> Run:
         q=motion.q[index],
         v=motion.v[index],
         reference_q=motion.reference_q[index],
+        shift=motion.shift[index],
         control=motion.control[index[:-1]],
         torque=motion.torque[index[:-1]],
     )
@@ -234,3 +238,16 @@ def test_the_bundle_is_made_from_its_source() -> None:
     three = json.loads((WEB / "package.json").read_text())["devDependencies"]["three"]
     assert head == f"/* tools/web/stage.js {digest}, with three.js {three} (MIT) */"
     assert three in (ROOT / "NOTICE").read_text(encoding="utf-8")
+
+
+def test_errors_are_against_the_source_as_it_was_moved(run: Run, tmp_path: Path) -> None:
+    """What is shown of it stays in place: tests/export/test_source.py."""
+    moved = stepped(dataclasses.replace(run, mesh=None))
+    still, shifted = (page_of(tmp_path / "a.html", [r]).data()["runs"][0] for r in (run, moved))
+    same = slice(0, BORDER + 1)
+    assert still["error"][same] == shifted["error"][same]
+    motion, character = moved.trajectory, run.character()
+    wanted, found = (joint_positions(character, q) for q in (motion.reference_q, motion.q))
+    errors = 1e3 * np.linalg.norm(found - wanted, axis=-1).mean(axis=1)
+    assert shifted["error"] == pytest.approx(errors, abs=0.06)
+    assert shifted["error"] != still["error"]

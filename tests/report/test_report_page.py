@@ -13,7 +13,7 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from physique.report.report import write_report
+from physique.commands.report import write_report
 from physique.runs.run import Run
 from renamed_runs import EVIL, renamed
 

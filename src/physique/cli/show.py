@@ -5,12 +5,13 @@ from __future__ import annotations
 import contextlib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from tyro.conf import arg
 
 from physique.cli import console
 from physique.cli.options import Flag, Runs, left_out
+from physique.export.formats import names
 
 
 @dataclass(frozen=True)
@@ -18,27 +19,29 @@ class ExportCommand:
     """Write runs as files that other programs open (docs/export.md).
 
     Args:
-        runs: folders of runs; several share one file in glb, usd and mp4
-        out: the file; for several runs in other formats, a folder
-        format: what to write: glb, bvh, usd, amass, mjcf, mp4 or csv
-        source: the source motion too, as a ghost (glb, usd, mp4) or more columns (csv), or in
-            place of the simulated one (bvh, amass, mjcf)
-        capsules: the simulator's shapes in place of the skin (glb, usd, mp4)
-        rate: pictures (mp4) or keyframes (mjcf) a second
-        size: width and height of the video, pixels
+        runs: folders of runs
+        source: the source motion too, as a ghost or as more columns; in place of the simulated one
+            where a file holds one motion
     """
 
     runs: Runs
-    out: Annotated[Path, arg(metavar="FILE")]
+    out: Annotated[
+        Path, arg(metavar="FILE", help=f"the file; a folder for several runs, but for {names(together=True)}")
+    ]
     format: Annotated[
-        Literal["glb", "bvh", "usd", "amass", "mjcf", "mp4", "csv"] | None,
-        left_out("FORMAT", "as the suffix of --out says"),
+        str | None, left_out("FORMAT", "as the suffix of --out says"), arg(help=f"what to write: {names()}")
     ] = None
     source: Flag = False
-    capsules: Flag = False
-    rate: Annotated[float | None, left_out("NUMBER", "25")] = None
+    capsules: Annotated[
+        Flag, arg(help=f"the simulator's shapes in place of the skin ({names('capsules')})")
+    ] = False
+    rate: Annotated[
+        float | None, left_out("NUMBER", "25"), arg(help=f"pictures or keyframes a second ({names('rate')})")
+    ] = None
     size: Annotated[
-        tuple[int, int] | None, left_out("WIDTH HEIGHT", "640 480, 960 480 for three figures or more")
+        tuple[int, int] | None,
+        left_out("WIDTH HEIGHT", "640 480, 960 480 for three figures or more"),
+        arg(help=f"width and height of pictures, pixels ({names('size')})"),
     ] = None
 
     def run(self) -> None:
@@ -71,7 +74,7 @@ class ReportCommand:
 
     def run(self) -> None:
         """Write it and say where it is."""
-        from physique.report.report import write_report
+        from physique.commands.report import write_report
 
         console.show_files([write_report(self.out, self.runs)])
 

@@ -28,7 +28,7 @@ BETAS = 16
 
 
 def write_amass(path: PathLike, run: Run, *, source: bool = False) -> Path:
-    """Write the simulated motion, or with `source` the retargeted source, as an AMASS npz file.
+    """Write the simulated motion, or with `source` the source motion, as an AMASS npz file.
 
     poses (T, 156) rad: rotation vectors of SMPL-H's joints, each relative to its parent in SMPL's
     axes, the root's from these axes to the world. trans (T, 3) m. rest_joints (22, 3) m and
@@ -36,7 +36,8 @@ def write_amass(path: PathLike, run: Run, *, source: bool = False) -> Path:
     the shape is not SMPL's. Raises InputError where the file cannot be written.
     """
     path = Path(path)
-    q = run.trajectory.reference_q if source else run.trajectory.q
+    motion = run.trajectory
+    q = motion.source_q if source else motion.q
     local = reduced.to_rotations(q[:, 3:7], q[:, 7:])
     vectors = rotations.log(local) @ R_SMPL_FROM_REST.T
     turn = rotations.from_matrix(R_SMPL_FROM_REST.T)

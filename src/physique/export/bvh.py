@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from physique import rotations, skeleton
 from physique.errors import InputError
 from physique.reference import reduced
+from physique.runs.run import Run
 from physique.store import PathLike, write_atomic
 
 Array = NDArray[np.float64]
@@ -66,6 +67,13 @@ def write_bvh(
     path = Path(path)
     write_atomic(path, ("\n".join(lines) + "\n").encode())
     return path
+
+
+def write_run_bvh(path: PathLike, run: Run, *, source: bool = False) -> Path:
+    """Write the simulated motion, or with `source` the source motion, on the run's own skeleton."""
+    motion = run.trajectory
+    q = motion.source_q if source else motion.q
+    return write_body_bvh(path, run.body.joints, q, 1.0 / run.timestep)
 
 
 def write_body_bvh(path: PathLike, joints: Array, q: Array, fps: float) -> Path:

@@ -41,7 +41,7 @@ _SHORT = 32767  # 1.0 as a normalised short
 
 @dataclass(frozen=True)
 class _Look:
-    """What is drawn of a body, shared by the run and its reference: indices into the document.
+    """What is drawn of a body, shared by the run and its source: indices into the document.
 
     skin: attributes and indices of the skinned mesh, None where it is not drawn.
     capsules: of each joint's primitive, empty where they are not drawn.
@@ -63,7 +63,7 @@ class _Look:
 def write_glb(path: PathLike, runs: Sequence[Run], *, source: bool = False, capsules: bool = False) -> Path:
     """Write runs as one GLB file, side by side in one animation; `path` comes back.
 
-    source: over each run's body, pale and half transparent, what it should have done.
+    source: the source motion of each run, pale and half transparent, where it was recorded.
     capsules: the rigid shapes that were simulated in place of the skin.
     What hands hold is there either way, as nodes below the wrists.
     A vertex follows its four heaviest joints, their weights scaled to sum to 1: glTF readers need
@@ -108,7 +108,7 @@ def glb_bytes(
         takes = [(run.name, motion.q, look, _material(document, palette.body(index)))]
         if source:
             pale = _material(document, palette.SOURCE, palette.SOURCE_OPACITY)
-            takes.append((f"{run.name}, source", motion.reference_q, look.ghost(pale), pale))
+            takes.append((f"{run.name}, source", motion.source_q, look.ghost(pale), pale))
         for name, q, shown, material in takes:
             joints, nodes = _actor(document, name, run.body.joints, shift, shown, material)
             roots += nodes

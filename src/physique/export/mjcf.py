@@ -15,7 +15,7 @@ from physique.store import PathLike, write_atomic
 
 
 def write_mjcf(path: PathLike, run: Run, *, source: bool = False, rate: float | None = None) -> Path:
-    """Write the simulated motion, or with `source` the retargeted source, as an MJCF model.
+    """Write the simulated motion, or with `source` the source motion, as an MJCF model.
 
     A keyframe has time, qpos and qvel; one of the simulation its ctrl too, the targets that lead
     on from there. rate: keyframes a second, at most those of the run; the nearest frames are
@@ -26,7 +26,7 @@ def write_mjcf(path: PathLike, run: Run, *, source: bool = False, rate: float | 
     frames = frames_at(len(motion.q), 1.0 / run.timestep, RATE if rate is None else rate)
     q, v, control = motion.q, motion.v, motion.control
     if source:
-        q, v = motion.reference_q, finite_velocity(motion.reference_q, run.timestep)
+        q, v = motion.source_q, finite_velocity(motion.source_q, run.timestep)
     root = ElementTree.fromstring(run.character_xml)
     keyframe = ElementTree.SubElement(root, "keyframe")
     for t in frames:

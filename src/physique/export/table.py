@@ -21,7 +21,8 @@ _PELVIS_ORDER = "zxy"  # rotation, list, tilt, as gait analysis has them
 def write_table(path: PathLike, run: Run, *, source: bool = False) -> Path:
     """Write time, pose, torques and ground reaction as CSV, a row a frame, the unit in each name.
 
-    source: adds the pose of the retargeted source to each row, in columns that begin with source_.
+    source: adds the pose of the source motion to each row, in columns that begin with source_, and
+    how far it was moved over the floor before errors were measured against it.
     Torques and forces act from a row's time to the next one's; the last row has none. Raises
     InputError where the file cannot be written.
     """
@@ -29,7 +30,8 @@ def write_table(path: PathLike, run: Run, *, source: bool = False) -> Path:
     character, motion = run.character(), run.trajectory
     columns: dict[str, Array] = {"time_s": motion.times, **_pose("", motion.q)}
     if source:
-        columns |= _pose("source_", motion.reference_q)
+        columns |= _pose("source_", motion.source_q)
+        columns |= {f"source_moved_{axis}_m": motion.shift[:, k] for k, axis in enumerate("xy")}
     frames = motion.frames
     for i, hinge in enumerate(HINGES):
         columns[f"{hinge.name}_torque_Nm"] = _padded(motion.torque[:, i])

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physique import rotations, skeleton
-from physique.errors import InputError
 from physique.extras import require
 from physique.reference import reduced
 from physique.render import palette
@@ -23,21 +22,16 @@ from physique.store import PathLike, write_atomic
 
 Array = NDArray[np.float64]
 
-SUFFIXES = (".usd", ".usdc", ".usda")
-
 
 def write_usd(path: PathLike, runs: Sequence[Run], *, source: bool = False, capsules: bool = False) -> Path:
     """Write runs side by side as UsdSkel figures, in metres, z up, a time code a frame.
 
-    path: ends in .usd or .usdc (binary) or .usda (text). source: adds the retargeted source of
-    each run, pale and in the same place. capsules: the simulator's shapes in place of the skin.
-    Several runs are moved apart along y; one stays where it is. Raises InputError for another
-    suffix, where usd-core is missing, a run has no skin, runs have different time steps, or the
-    file cannot be written.
+    path: ends in .usd or .usdc (binary) or .usda (text). source: adds the source motion of each
+    run, pale, where it was recorded. capsules: the simulator's shapes in place of the skin.
+    Several runs are moved apart along y; one stays where it is. Raises InputError where usd-core is
+    missing, a run has no skin, runs have different time steps, or the file cannot be written.
     """
     path = Path(path)
-    if path.suffix.lower() not in SUFFIXES:
-        raise InputError(str(path), f"suffix {path.suffix!r}", " or ".join(SUFFIXES), "choose one of these")
     Usd, UsdGeom = require("pxr.Usd", "usd"), require("pxr.UsdGeom", "usd")
     stage = Usd.Stage.CreateInMemory()
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
@@ -54,7 +48,7 @@ def write_usd(path: PathLike, runs: Sequence[Run], *, source: bool = False, caps
         motions = [("simulated", run.trajectory.q, shown, 1.0)]
         if source:
             pale = shown.in_colour(palette.SOURCE)
-            motions.append(("source", run.trajectory.reference_q, pale, palette.SOURCE_OPACITY))
+            motions.append(("source", run.trajectory.source_q, pale, palette.SOURCE_OPACITY))
         for kind, q, look, opacity in motions:
             name = f"/World/run{index}_{kind}"
             _add_figure(stage, name, look, q, shift, opacity, f"{run.name}, {kind}")

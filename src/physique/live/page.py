@@ -81,7 +81,7 @@ class Page:
             for i, (act, lane) in enumerate(zip(show.acts, self.stage.lanes)):
                 poses, frame = show.poses(act), show.frame_of(act)
                 roots.append(poses[0, :3])
-                ghost = None if panel.ghost == HIDDEN else act.wanted[frame]
+                ghost = None if panel.ghost == HIDDEN else act.source[frame]
                 lane.show(poses, ghost, panel.look, panel.ghost == BESIDE)
                 if panel.arrows:
                     # Forces belong to the step to a frame.

@@ -30,13 +30,13 @@ MOST_STEPS = 25
 class Act:
     """A run with all that is shown of it.
 
-    poses, wanted: (T, 22, 7), of the joints as recorded and of the reference: position (m),
-        orientation (wxyz).
+    poses, source: (T, 22, 7), of the joints as simulated and of the source motion where it was
+        recorded: position (m), orientation (wxyz).
     """
 
     run: Run
     poses: Array
-    wanted: Array
+    source: Array
     trial: Performance
     controllers: Mapping[str, Controller]
     recorded: Curves
@@ -163,15 +163,14 @@ class Show:
 def _act(run: Run, controllers: Mapping[str, Controller]) -> Act:
     character = run.character()
     poses = _poses(run.body, run.trajectory.q)
-    wanted = _poses(run.body, run.trajectory.reference_q)
-    joints = wanted[..., :3]
+    wanted = joint_transforms(run.body, run.trajectory.reference_q)[..., 3]
     return Act(
         run,
         poses,
-        wanted,
-        Performance(run, character, joints, list(controllers.values())[-1]),
+        _poses(run.body, run.trajectory.source_q),
+        Performance(run, character, wanted, list(controllers.values())[-1]),
         controllers,
-        recorded(run, character, poses[..., :3], joints),
+        recorded(run, character, poses[..., :3], wanted),
         difficulty(run),
     )
 

@@ -112,7 +112,7 @@ class Lane:
     """
 
     def __init__(self, scene: Any, run: Run, index: int, many: int) -> None:
-        start = run.trajectory.reference_q[0, :2]
+        start = run.trajectory.q[0, :2]
         # The first body stands leftmost as seen from in front of it.
         across = LANE * (index - 0.5 * (many - 1))
         self.offset = np.array([-start[0], across - start[1], 0.0])

@@ -199,7 +199,7 @@ def stage_runs(
         motion = run.trajectory
         if source:
             actors.append(
-                make_actor(shown, motion.reference_q, label="source", ghost=True, colour=palette.SOURCE)
+                make_actor(shown, motion.source_q, label="source", ghost=True, colour=palette.SOURCE)
             )
         actors.append(make_actor(shown, motion.q, label=label))
     if size is None:

@@ -1,4 +1,4 @@
-"""A report: one HTML file that shows runs, works without a network and can be mailed."""
+"""A report: one HTML page that shows runs, works without a network and can be mailed."""
 
 from __future__ import annotations
 
@@ -6,12 +6,10 @@ import base64
 import hashlib
 import html
 import json
-import logging
 import re
 from collections.abc import Sequence
 from importlib.metadata import version
 from importlib.resources import files
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -25,46 +23,14 @@ from physique.render.palette import body as colour
 from physique.report.difficulty import LEVELS
 from physique.report.signals import names, signals
 from physique.report.words import Row, lost_at, rows, settings, verdict
-from physique.runs.run import Run, load_run
-from physique.store import PathLike, prepare_folder, write_atomic
-
-log = logging.getLogger(__name__)
+from physique.runs.run import Run
 
 #: Steps of a run that a report shows; longer runs are shown at every second frame, every third...
 MOST_FRAMES = 1500
-#: What mail systems take without complaint, for each run.
-MOST_BYTES = 3_000_000
-
-
-def write_report(path: PathLike, runs: Sequence[Run | PathLike]) -> Path:
-    """Write a report of one or several runs, or of their folders, as one HTML file; its path.
-
-    The file loads nothing: models, data and scripts are in it, and a content security policy
-    forbids the rest. Raises InputError for a folder without a finished run, for a run that ended
-    before its first step, for a path that does not end in .html, and where the file cannot be
-    written.
-    """
-    path = Path(path)
-    if path.suffix.lower() not in (".html", ".htm"):
-        raise InputError(
-            str(path), f"suffix {path.suffix!r}", "a file that ends in .html", "correct the path"
-        )
-    loaded = [run if isinstance(run, Run) else load_run(run) for run in runs]
-    page = report_html(loaded).encode()
-    if len(page) > MOST_BYTES * len(loaded):
-        log.warning(
-            "%s has %.1f MB, more than %.0f a run: a skin of many vertices",
-            path,
-            len(page) / 1e6,
-            MOST_BYTES / 1e6,
-        )
-    prepare_folder(path.parent)
-    write_atomic(path, page)
-    return path
 
 
 def report_html(runs: Sequence[Run]) -> str:
-    """The text of the page."""
+    """The text of the page. Raises InputError for no runs, or one that ended before its first step."""
     if not runs:
         raise InputError("report", "no run", "one or more runs", "name the folder of a run")
     for run in runs:

@@ -67,7 +67,7 @@ def signals(run: Run, kept: NDArray[np.intp]) -> dict[str, Any]:
         "worst": _short(errors.max(axis=1)[kept], 0),
         "worstJoint": errors.argmax(axis=1)[kept].tolist(),
         "height": _short(motion.q[kept, 2], 3),
-        "heightSource": _short(motion.reference_q[kept, 2], 3),
+        "heightSource": _short(motion.source_q[kept, 2], 3),
         "use": base64.b64encode(shown.tobytes()).decode(),
         "force": [_short(f[steps] / weight, 2) for f in forces.feet[..., 2].T],
         "forceOther": _short(forces.other[steps, 2] / weight, 2),
