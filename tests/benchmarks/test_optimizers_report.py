@@ -127,13 +127,13 @@ def test_merge_takes_all_but_unfinished_for_finished() -> None:
 
 
 def test_a_search_is_stored_on_the_way_and_at_its_end(
-    problem: Problem, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    problem: Problem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(compare_optimizers, "CHECKPOINT", 0.0)
     options = MppiOptions(samples=8, budget=900)
-    search = Optimizer(asdict(options), lambda p, s, n, on: annealed_mppi(p, s, n, options, on))
+    search = Optimizer(asdict(options), lambda p, s, n, on, ask: annealed_mppi(p, s, n, options, on, ask))
     stored: list[dict[str, Any]] = []
-    run(search, problem, 1, stored.append)
+    run(search, problem, 1, tmp_path, stored.append)
     assert [e["done"] for e in stored] == [False, False, False, True]
     last = json.loads(json.dumps(stored[-1]))
     assert len(last["steps"]) == len(last["cost"]) == len(last["times"]) == 3
@@ -144,8 +144,8 @@ def test_a_search_is_stored_on_the_way_and_at_its_end(
 
 
 @pytest.mark.parametrize("name", ["cem", "mppi"])
-def test_the_rivals_keep_to_their_budget(problem: Problem, name: str) -> None:
+def test_the_rivals_keep_to_their_budget(problem: Problem, tmp_path: Path, name: str) -> None:
     stored: list[dict[str, Any]] = []
-    run(optimizers(1, 100)[name], problem, 1, stored.append)
+    run(optimizers(1, 100)[name], problem, 1, tmp_path, stored.append)
     assert stored[-1]["done"]
     assert stored[-1]["final_steps"] <= 100
