@@ -234,10 +234,19 @@ def main() -> None:
     if arguments.only != "report":
         character = make_character(capsule_body(named_body(arguments.body)), TORQUE)
         with quiet():
+            if arguments.only in (None, "fast"):
+                compile_fast(make_problem(character, windows()[0]))
             for window in windows():
                 if arguments.window in (None, window.name):
                     measure(character, window, arguments)
     write_report(load(arguments.out), arguments.out / "docs")
+
+
+def compile_fast(problem: Problem) -> None:
+    """Have its code compiled, which is no part of what it is measured for."""
+    short = problem.beginning(2)
+    with Simulator(problem.character, 1) as simulator:
+        ddp.solve(short, simulator, start_nominal(short), ddp.DdpOptions(iterations=2))
 
 
 def measure(character: Character, window: Window, arguments: argparse.Namespace) -> None:
