@@ -245,7 +245,7 @@ def main() -> None:
 def compile_fast(problem: Problem) -> None:
     """Have its code compiled, which is no part of what it is measured for."""
     short = problem.beginning(2)
-    with Simulator(problem.character, 1) as simulator:
+    with MujocoSimulator(problem.character, 1) as simulator:
         ddp.solve(short, simulator, start_nominal(short), ddp.DdpOptions(iterations=2))
 
 
