@@ -1,20 +1,20 @@
 """The fast optimiser against the paper's and two rivals' samplers: E and error over their price.
 
-    python benchmarks/compare_optimizers.py                  # all, hours on one core
-    python benchmarks/compare_optimizers.py --budget 2000 --rival-steps 400000 --out out/bench
-                                                             # a short look
-    python benchmarks/compare_optimizers.py --only fast      # after a change to the fast one
-    python benchmarks/compare_optimizers.py --only cem --body heavy  # one rival, one body
+    python benchmarks/compare_optimizers.py                  # all, two hours on one core
+    python benchmarks/compare_optimizers.py --budget 2000 --out out/bench    # a short look
+    python benchmarks/compare_optimizers.py --only fast      # after a change to the fast one: a minute
+    python benchmarks/compare_optimizers.py --only cem --body heavy  # one rival, another body
     python benchmarks/compare_optimizers.py --only report    # tables and plot from stored results
-    python benchmarks/compare_optimizers.py --only report --merge FILE  # and from another file
+    python benchmarks/compare_optimizers.py --merge FILE     # take results of another file first
 
 All start on the same windows, from the same state; `fast`, `cem` and `mppi` also from the same
 controls, the reference's (`samplers.py` has the rivals; the paper's own starts at zero).
 
-Results are stored after every window, and every few minutes within one, so that an interrupted
-run loses one search at most; searches that are already stored for the very same problem with the
-same settings and budget are not run again. Writes benchmarks/results/compare_optimizers.json,
-docs/optimizers.md and docs/images/optimizers_*.png, under another folder with `--out FOLDER`.
+A search takes about twelve minutes. One that was stopped goes on where it was, to the same bits
+(`journal.py`, in benchmarks/results/searches); curves are stored every two minutes, and a search
+that is stored for the very same problem with the same settings and budget is not run again. Writes
+benchmarks/results/compare_optimizers.json, docs/optimizers.md and docs/images/optimizers_*.png,
+under another folder with `--out FOLDER`.
 """
 
 from __future__ import annotations
@@ -22,36 +22,36 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
-import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+from journal import Best, Journal, Watched
 from optimizers_report import STEPS_PER_SIMULATION, write_report
 from physique.body.build import capsule_body
 from physique.body.named import PEOPLE, named_body
-from physique.character import kinematics
 from physique.character.model import Character, make_character
+from physique.experiments.cells import makers
 from physique.motion.read import read_motion
 from physique.reference.reference import make_reference
-from physique.runs.metrics import joint_errors
 from physique.simulation.mujoco_simulator import MujocoSimulator
 from physique.simulation.process import quiet
 from physique.simulation.rollout import Rollout
 from physique.simulation.simulator import Simulator
 from physique.store import write_atomic
-from physique.tracking import cma, costs, ddp
+from physique.tracking import cma, ddp
+from physique.tracking.cma import Objective
 from physique.tracking.problem import Problem, Solution, warm_start
 from samplers import CemOptions, MppiOptions, annealed_mppi, incremental_cem
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = Path("benchmarks") / "results" / "compare_optimizers.json"
+SEARCHES = RESULTS.parent / "searches"
 MOCAP_KICK = ROOT.parent / "shared" / "mocap" / "cmu" / "bvh" / "135_04.bvh"
 HORIZON = 80  # steps: the paper's two windows of 0.4 s
-BODIES = ("average", "thin", "heavy")
 TORQUE = 100.0  # Nm
 SAMPLES = 200
 #: Searches three times, and stops by itself before a hundredth of the paper's 32 million steps.
@@ -66,11 +66,11 @@ class Optimizer:
     """An entry of the comparison.
 
     settings: of the stored entry; `budget` among them is what may only grow, all others must be
-    equal for a stored search to stand. solve: with these settings.
+    equal for a stored search to stand. solve: with these settings; samplers ask the objective.
     """
 
     settings: dict[str, float]
-    solve: Callable[[Problem, Simulator, Rollout, OnIteration], Solution]
+    solve: Callable[[Problem, Simulator, Rollout, OnIteration, Objective], Solution]
 
 
 def optimizers(budget: int, rival_steps: int) -> dict[str, Optimizer]:
@@ -78,13 +78,13 @@ def optimizers(budget: int, rival_steps: int) -> dict[str, Optimizer]:
     paper = cma.CmaOptions(samples=SAMPLES, iterations=max(1, budget // SAMPLES))
     cem, mppi = CemOptions(budget=rival_steps), MppiOptions(budget=rival_steps)
     return {
-        "fast": Optimizer({}, lambda p, s, n, on: ddp.solve(p, s, n, FAST, on)),
+        "fast": Optimizer({}, lambda p, s, n, on, _: ddp.solve(p, s, n, FAST, on)),
         "paper": Optimizer(
             {"budget": budget, "sigma": paper.sigma, "seed": paper.seed},
-            lambda p, s, n, on: cma.solve(p, s, n, paper, on),
+            lambda p, s, n, on, ask: cma.solve(p, s, n, paper, on, ask),
         ),
-        "cem": Optimizer(asdict(cem), lambda p, s, n, on: incremental_cem(p, s, n, cem, on)),
-        "mppi": Optimizer(asdict(mppi), lambda p, s, n, on: annealed_mppi(p, s, n, mppi, on)),
+        "cem": Optimizer(asdict(cem), lambda p, s, n, on, ask: incremental_cem(p, s, n, cem, on, ask)),
+        "mppi": Optimizer(asdict(mppi), lambda p, s, n, on, ask: annealed_mppi(p, s, n, mppi, on, ask)),
     }
 
 
@@ -124,46 +124,6 @@ def fingerprint(problem: Problem) -> str:
     return digest.hexdigest()[:16]
 
 
-@dataclass
-class Best:
-    """The motion of the lowest E that was asked for: q (N + 1, 57)."""
-
-    cost: float = np.inf
-    q: np.ndarray | None = None
-
-
-@dataclass(frozen=True)
-class Watched(Problem):
-    """A problem that remembers the best motion, whichever optimiser asks what motions cost."""
-
-    best: Best = field(default_factory=Best)
-
-    def terms(
-        self, q: np.ndarray, v: np.ndarray, com: np.ndarray, com_velocity: np.ndarray
-    ) -> dict[str, np.ndarray]:
-        """As `Problem.terms`."""
-        terms = super().terms(q, v, com, com_velocity)
-        cost = np.nan_to_num(costs.total(terms), nan=np.inf)
-        first = np.unravel_index(np.argmin(cost), cost.shape)
-        if cost[first] < self.best.cost:
-            self.best.cost, self.best.q = float(cost[first]), q[first].copy()
-        return terms
-
-    def beginning(self, steps: int) -> Problem:
-        """As `Problem.beginning`; what a shorter motion costs is not watched."""
-        whole = Problem(self.character, self.q0, self.v0, self.target, self.weights)
-        return self if steps == self.steps else whole.beginning(steps)
-
-    def error(self) -> float:
-        """Mean joint error, mm, of the best motion; NaN before there is one."""
-        if self.best.q is None:
-            return float("nan")
-        joints, wanted = (
-            kinematics.poses(self.character, q, heights=False).joints for q in (self.best.q, self.target.q)
-        )
-        return 1e3 * float(joint_errors(joints, wanted).mean())
-
-
 def start_nominal(problem: Problem) -> Rollout:
     """The reference as if it had been simulated."""
     return warm_start(problem, None)
@@ -178,25 +138,32 @@ class Point(NamedTuple):
     seconds: float
 
 
-def run(optimizer: Optimizer, problem: Problem, threads: int, store: Callable[[dict], None]) -> None:
-    """The curve of an optimiser. Seconds are of the processor: other work does not count."""
-    watched = Watched(problem.character, problem.q0, problem.v0, problem.target, problem.weights)
+def run(
+    optimizer: Optimizer, problem: Problem, threads: int, journal: Path, store: Callable[[dict], None]
+) -> None:
+    """The curve of an optimiser; a search that was stopped with this journal goes on.
+
+    Seconds are of the processor: other work does not count.
+    """
+    best = Best()
+    watched = Watched(problem.character, problem.q0, problem.v0, problem.target, problem.weights, best)
     with MujocoSimulator(problem.character, threads) as simulator:
         curve: list[Point] = []
-        begin = last = time.process_time()
+        objective = Journal(journal, best)
+        last = 0.0
 
         def on_iteration(iteration: int, cost: float) -> None:
             nonlocal last
-            now = time.process_time()
+            now = objective.seconds
             error = curve[-1].error if curve and cost == curve[-1].cost else watched.error()
-            curve.append(Point(simulator.steps, cost, error, now - begin))
+            curve.append(Point(simulator.steps, cost, error, now))
             if now - last > CHECKPOINT:
                 last = now
-                store(_entry(curve, None, now - begin, optimizer.settings))
+                store(_entry(curve, None, now, optimizer.settings))
                 print(f"    {simulator.steps / 1e6:.2f} M steps, E {cost:.3f}", flush=True)
 
-        solution = optimizer.solve(watched, simulator, start_nominal(problem), on_iteration)
-        seconds = time.process_time() - begin
+        solution = optimizer.solve(watched, simulator, start_nominal(problem), on_iteration, objective)
+        seconds = objective.seconds
         if not curve:  # the budget ended before the first iteration
             curve.append(Point(solution.steps, solution.cost, watched.error(), seconds))
         store(_entry(curve, solution, seconds, optimizer.settings))
@@ -249,38 +216,43 @@ def merge(results: dict, other: dict) -> None:
 def main() -> None:
     """Run what is missing, then write the report."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--budget", type=int, default=400_000, help="simulations of the paper's")
-    parser.add_argument(
-        "--rival-steps", type=int, help="simulated steps of each rival; a tenth of the paper's"
-    )
+    parser.add_argument("--budget", type=int, default=40_000, help="simulations of the paper's")
+    parser.add_argument("--rival-steps", type=int, help="simulated steps of each rival; as the paper's")
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--only", choices=(*optimizers(1, 1), "report"))
     parser.add_argument("--window", help="only the window of this name")
-    parser.add_argument("--body", choices=PEOPLE, help="only this ready body")
+    parser.add_argument("--body", choices=PEOPLE, default="average")
     parser.add_argument("--merge", type=Path, help="take the results of this file too")
     parser.add_argument("--out", type=Path, default=ROOT, help="write under this folder")
     arguments = parser.parse_args()
     if arguments.rival_steps is None:
-        arguments.rival_steps = arguments.budget * STEPS_PER_SIMULATION // 10
+        arguments.rival_steps = arguments.budget * STEPS_PER_SIMULATION
     if arguments.merge:
         results = load(arguments.out)
         merge(results, json.loads(arguments.merge.read_text(encoding="utf-8")))
         save(results, arguments.out)
     if arguments.only != "report":
-        bodies = [arguments.body] if arguments.body else BODIES
+        character = make_character(capsule_body(named_body(arguments.body)), TORQUE)
         with quiet():
-            for body in bodies:
-                character = make_character(capsule_body(named_body(body)), TORQUE)
-                for window in windows():
-                    if arguments.window in (None, window.name):
-                        measure(character, window, body, arguments)
+            if arguments.only in (None, "fast"):
+                compile_fast(make_problem(character, windows()[0]))
+            for window in windows():
+                if arguments.window in (None, window.name):
+                    measure(character, window, arguments)
     write_report(load(arguments.out), arguments.out / "docs")
 
 
-def measure(character: Character, window: Window, body: str, arguments: argparse.Namespace) -> None:
+def compile_fast(problem: Problem) -> None:
+    """Have its code compiled, which is no part of what it is measured for."""
+    short = problem.beginning(2)
+    with MujocoSimulator(problem.character, 1) as simulator:
+        ddp.solve(short, simulator, start_nominal(short), ddp.DdpOptions(iterations=2))
+
+
+def measure(character: Character, window: Window, arguments: argparse.Namespace) -> None:
     """Run the optimisers on one window, unless they are stored already."""
     problem = make_problem(character, window)
-    mark = fingerprint(problem)
+    mark, body = fingerprint(problem), arguments.body
     key = f"{window.name}, {body}"
     clip = window.clip if "/" not in window.clip else Path(window.clip).name
     for name, optimizer in optimizers(arguments.budget, arguments.rival_steps).items():
@@ -299,7 +271,14 @@ def measure(character: Character, window: Window, body: str, arguments: argparse
 
         budget = optimizer.settings.get("budget")
         print(f"{key}: {name}" + (f", budget {budget:,}" if budget else ""), flush=True)
-        run(optimizer, problem, arguments.threads, store)
+        journal = arguments.out / SEARCHES / f"{name}-{search_mark(mark, name, optimizer)}"
+        run(optimizer, problem, arguments.threads, journal, store)
+
+
+def search_mark(mark: str, name: str, optimizer: Optimizer) -> str:
+    """Changes with whatever a search's way depends on; its budget only says how far it goes."""
+    way = {key: value for key, value in optimizer.settings.items() if key != "budget"}
+    return hashlib.sha256(repr((mark, name, way, makers())).encode()).hexdigest()[:16]
 
 
 def stands(known: dict | None, mark: str, optimizer: Optimizer) -> bool:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from physique.errors import InputError
 from physique.simulation.rollout import Rollout
 from physique.simulation.simulator import Simulator
-from physique.tracking.cma import DIVERGED, evaluate, sampled_solution
+from physique.tracking.cma import DIVERGED, Objective, evaluate, sampled_solution
 from physique.tracking.problem import Problem, Solution
 from physique.tracking.spline import DEGREE, fit_knots, knot_matrix
 
@@ -82,7 +82,7 @@ class CemOptions:
     stage_iterations: int = 8
     tolerance: float = 0.02
     patience: int = 3
-    budget: int = 1_620_000
+    budget: int = 3_240_000
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -111,7 +111,7 @@ class MppiOptions:
     with 0.3; and with sigma 0.05, E 26 at temperature 0.1, 13 at 1, 15 at 3. A narrower average
     throws most of the elite away.
     budget: simulated steps, never exceeded; rounds follow each other until they are used up. The
-    default ends within the first round: an iteration on 0.8 s is 0.17 M steps.
+    default ends early in the second: an iteration on 0.8 s is 0.17 M steps.
     """
 
     samples: int = 2048
@@ -121,7 +121,7 @@ class MppiOptions:
     annealing: float = 0.1
     sigma: float = 0.05
     temperature: float = 1.0
-    budget: int = 1_620_000
+    budget: int = 3_240_000
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -140,6 +140,7 @@ def incremental_cem(
     nominal: Rollout,
     options: CemOptions = CemOptions(),
     on_iteration: OnIteration | None = None,
+    objective: Objective = evaluate,
 ) -> Solution:
     """Minimise E over spline knots of the position targets, on a horizon that grows knot by knot.
 
@@ -152,7 +153,7 @@ def incremental_cem(
     matrix, mean = _spline(problem, nominal, options.spacing)
     sigma = np.full(mean.shape, options.sigma)
     rng = np.random.default_rng(options.seed)
-    best = _Best(problem, simulator, options.budget, on_iteration, matrix @ mean)
+    best = _Best(problem, simulator, options.budget, on_iteration, objective, matrix @ mean)
     count = max(1, round(options.elite * options.samples))
     for steps in _stages(problem, options.spacing):
         part = problem.beginning(steps)
@@ -164,7 +165,7 @@ def incremental_cem(
             noise[0] = 0  # the mean itself: it is often better than all that surrounds it
             knots = np.repeat(mean[None], options.samples, axis=0)
             knots[:, moving] += sigma[moving] * noise
-            cost = _evaluate(part, simulator, matrix[:steps], knots)
+            cost = _evaluate(objective, part, simulator, matrix[:steps], knots)
             elite = _elite(cost, count)
             lows.append(float(cost.min()))
             if len(elite):
@@ -185,6 +186,7 @@ def annealed_mppi(
     nominal: Rollout,
     options: MppiOptions = MppiOptions(),
     on_iteration: OnIteration | None = None,
+    objective: Objective = evaluate,
 ) -> Solution:
     """Minimise E by averaging noisy controls, with ever less noise; the problem is the horizon.
 
@@ -195,7 +197,7 @@ def annealed_mppi(
     """
     matrix, _ = _spline(problem, nominal, options.spacing)
     rng = np.random.default_rng(options.seed)
-    best = _Best(problem, simulator, options.budget, on_iteration, nominal.control)
+    best = _Best(problem, simulator, options.budget, on_iteration, objective, nominal.control)
     center = best.control
     count = max(1, round(options.elite * options.samples))
     iteration = 0
@@ -206,7 +208,7 @@ def annealed_mppi(
         sigma = options.sigma * options.annealing ** (age / options.iterations)
         noise = sigma * rng.standard_normal((options.samples, matrix.shape[1], center.shape[1]))
         noise[0] = 0  # the average itself
-        cost = _evaluate(problem, simulator, matrix, noise, center)
+        cost = _evaluate(objective, problem, simulator, matrix, noise, center)
         first = int(np.argmin(cost))
         best.offer(center + matrix @ noise[first], float(cost[first]))
         elite = _elite(cost, count)
@@ -228,13 +230,14 @@ class _Best:
         simulator: Simulator,
         budget: int,
         on_iteration: OnIteration | None,
+        objective: Objective,
         start: Array,
     ) -> None:
         self._problem, self._simulator = problem, simulator
         self._before, self._budget = simulator.steps, budget
-        self._on_iteration = on_iteration
+        self._on_iteration, self._objective = on_iteration, objective
         self.control = start  # (N, 50)
-        self.lowest = float(evaluate(problem, simulator, start[None])[0])
+        self.lowest = float(objective(problem, simulator, start[None])[0])
         self.history = [self.lowest]
 
     def affords(self, steps: int) -> bool:
@@ -245,7 +248,7 @@ class _Best:
     def offer(self, control: Array, cost: float | None) -> None:
         """Keep controls (N, 50) if they are the best; None: run them to know their cost."""
         if cost is None:
-            cost = float(evaluate(self._problem, self._simulator, control[None])[0])
+            cost = float(self._objective(self._problem, self._simulator, control[None])[0])
         if cost < self.lowest:
             self.control, self.lowest = control, cost
         self.history.append(self.lowest)
@@ -286,12 +289,17 @@ def _stages(problem: Problem, spacing: float) -> list[int]:
 
 
 def _evaluate(
-    problem: Problem, simulator: Simulator, matrix: Array, knots: Array, about: Array | float = 0.0
+    objective: Objective,
+    problem: Problem,
+    simulator: Simulator,
+    matrix: Array,
+    knots: Array,
+    about: Array | float = 0.0,
 ) -> Array:
     """E (B,) of the splines knots (B, knots, 50) on top of the controls `about` (N, 50)."""
     return np.concatenate(
         [
-            evaluate(problem, simulator, about + np.einsum("tk,bkj->btj", matrix, knots[i : i + CHUNK]))
+            objective(problem, simulator, about + np.einsum("tk,bkj->btj", matrix, knots[i : i + CHUNK]))
             for i in range(0, len(knots), CHUNK)
         ]
     )

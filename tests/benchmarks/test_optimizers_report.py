@@ -61,7 +61,7 @@ def test_report_of_all_optimizers_and_bodies(tmp_path: Path) -> None:
     assert "| walk (walk from 0.2 s) | average | cem | 15.00 | 30 | 1.6 M | 12 | 0.15 M steps |" in lines
     assert any("8.1 M, so far (100,000 simulations)" in line for line in lines)
     assert 'marked "so far"' in text
-    assert "- Of 1 windows `fast` ends lower than `cem` on 1. E is 0.133 times that of `cem`" in text
+    assert "- Of 1 window `fast` ends lower than `cem` on 1. E is 0.133 times that of `cem`" in text
     assert "than `paper`" not in text  # it is not done
     assert "| walk (walk from 0.2 s) | heavy | cem | **15.00** | 30 | 1.6 M | 12 |  |" in lines
     # At equal steps: a budget that ended leaves a gap, who stopped by himself does not.
@@ -75,6 +75,11 @@ def test_report_of_some_optimizers(tmp_path: Path, names: tuple[str, ...]) -> No
     table = [line.split(" | ")[2] for line in text.splitlines() if line.startswith("| walk (")]
     assert table == list(names)
     assert ('marked "so far"' in text) == ("paper" in names)
+    for name in ALL:
+        assert (f"- `{name}`: " in text) == (name in names)
+    assert ("SPIDER" in text) == ("rivals are written anew" in text) == ("mppi" in names)
+    assert ("Budget: 200,000 simulations." in text) == ("paper" in names)
+    assert text.count("Budget: 1,620,000 simulated steps.") == len({"cem", "mppi"} & set(names))
 
 
 def test_report_of_nothing(tmp_path: Path) -> None:
@@ -90,6 +95,16 @@ def test_report_says_which_were_measured_on_another_body_model(
     text = (tmp_path / "optimizers.md").read_text(encoding="utf-8")
     assert r"| cem \* |" in text
     assert "not all were measured on the same version" in text
+
+
+def test_only_searches_on_the_same_problem_are_set_against_each_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("optimizers_report._plot", lambda *_: None)
+    write_report({"windows": {"walk": {**PLACE, **ALL, "cem": {**ALL["cem"], "problem": "b"}}}}, tmp_path)
+    text = (tmp_path / "optimizers.md").read_text(encoding="utf-8")
+    assert "than `mppi` on 1" in text
+    assert "than `cem`" not in text
 
 
 def test_what_is_stored_stands_until_problem_settings_or_budget_change() -> None:
@@ -127,13 +142,13 @@ def test_merge_takes_all_but_unfinished_for_finished() -> None:
 
 
 def test_a_search_is_stored_on_the_way_and_at_its_end(
-    problem: Problem, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    problem: Problem, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(compare_optimizers, "CHECKPOINT", 0.0)
     options = MppiOptions(samples=8, budget=900)
-    search = Optimizer(asdict(options), lambda p, s, n, on: annealed_mppi(p, s, n, options, on))
+    search = Optimizer(asdict(options), lambda p, s, n, on, ask: annealed_mppi(p, s, n, options, on, ask))
     stored: list[dict[str, Any]] = []
-    run(search, problem, 1, stored.append)
+    run(search, problem, 1, tmp_path, stored.append)
     assert [e["done"] for e in stored] == [False, False, False, True]
     last = json.loads(json.dumps(stored[-1]))
     assert len(last["steps"]) == len(last["cost"]) == len(last["times"]) == 3
@@ -144,8 +159,8 @@ def test_a_search_is_stored_on_the_way_and_at_its_end(
 
 
 @pytest.mark.parametrize("name", ["cem", "mppi"])
-def test_the_rivals_keep_to_their_budget(problem: Problem, name: str) -> None:
+def test_the_rivals_keep_to_their_budget(problem: Problem, tmp_path: Path, name: str) -> None:
     stored: list[dict[str, Any]] = []
-    run(optimizers(1, 100)[name], problem, 1, stored.append)
+    run(optimizers(1, 100)[name], problem, 1, tmp_path, stored.append)
     assert stored[-1]["done"]
     assert stored[-1]["final_steps"] <= 100

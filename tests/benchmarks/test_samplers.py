@@ -31,7 +31,11 @@ def sampler(request: pytest.FixtureRequest) -> Sampler:
 
 
 def solve(
-    problem: Problem, sampler: Sampler, threads: int = 1, **changes: object
+    problem: Problem,
+    sampler: Sampler,
+    threads: int = 1,
+    objective: cma.Objective = cma.evaluate,
+    **changes: object,
 ) -> tuple[Solution, list[tuple[int, float]]]:
     function, options = sampler
     calls: list[tuple[int, float]] = []
@@ -42,6 +46,7 @@ def solve(
             start_nominal(problem),
             replace(options, **changes),
             lambda iteration, cost: calls.append((iteration, cost)),
+            objective,
         )
         assert solution.steps == simulator.steps
     return solution, calls
@@ -87,9 +92,7 @@ def test_same_bits_on_two_threads_and_others_for_another_seed(
     assert solve(problem, sampler, seed=1)[0].history != other.history
 
 
-def test_never_worse_than_the_best_sample(
-    problem: Problem, sampler: Sampler, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_never_worse_than_the_best_sample(problem: Problem, sampler: Sampler) -> None:
     seen: list[float] = []
 
     def watch(part: Problem, simulator: Simulator, control: np.ndarray) -> np.ndarray:
@@ -98,9 +101,8 @@ def test_never_worse_than_the_best_sample(
             seen.extend(cost)
         return cost
 
-    monkeypatch.setattr("samplers.evaluate", watch)
     # Noise so wide that hardly any sample is better than the start.
-    solution, _ = solve(problem, sampler, sigma=1.0, budget=2_000)
+    solution, _ = solve(problem, sampler, objective=watch, sigma=1.0, budget=2_000)
     assert solution.cost == pytest.approx(min(seen), rel=1e-12)
 
 
@@ -130,9 +132,7 @@ def test_a_budget_below_one_iteration_leaves_the_start(problem: Problem, sampler
     assert solution.cost == pytest.approx(solution.history[0], rel=1e-12)
 
 
-def test_samples_that_blow_up_do_no_harm(
-    problem: Problem, sampler: Sampler, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_samples_that_blow_up_do_no_harm(problem: Problem, sampler: Sampler) -> None:
     calls = 0
 
     def fail(part: Problem, simulator: Simulator, control: np.ndarray) -> np.ndarray:
@@ -144,13 +144,12 @@ def test_samples_that_blow_up_do_no_harm(
             cost[: len(cost) - (calls > 3)] = cma.DIVERGED
         return cost
 
-    monkeypatch.setattr("samplers.evaluate", fail)
-    solution, _ = solve(problem, sampler)
+    solution, _ = solve(problem, sampler, objective=fail)
     assert np.isfinite(solution.cost)
     assert solution.cost <= solution.history[0]
 
 
-def test_the_horizon_grows_knot_by_knot(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_horizon_grows_knot_by_knot(problem: Problem) -> None:
     horizons: list[int] = []
 
     def watch(part: Problem, simulator: Simulator, control: np.ndarray) -> np.ndarray:
@@ -158,8 +157,7 @@ def test_the_horizon_grows_knot_by_knot(problem: Problem, monkeypatch: pytest.Mo
             horizons.append(part.steps)
         return cma.evaluate(part, simulator, control)
 
-    monkeypatch.setattr("samplers.evaluate", watch)
-    solve(problem, SAMPLERS["cem"], stage_iterations=3)
+    solve(problem, SAMPLERS["cem"], objective=watch, stage_iterations=3)
     assert horizons[:3] == [25] * 3
     assert set(horizons[3:]) == {30}
 

@@ -8,7 +8,7 @@ import pytest
 
 from physique.commands.feedback import stabilize
 from physique.commands.retarget import retarget
-from physique.experiments.table2 import standing
+from physique.experiments.standing import standing
 from physique.feedback.connect import Trunk, make_trunk
 from physique.feedback.growth import root
 from physique.feedback.tree import Tree

@@ -12,22 +12,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 import tyro
 from tyro.conf import arg
 
-from physique import rotations, skeleton
-from physique.body.build import capsule_body
-from physique.body.named import named_body
 from physique.commands.feedback import PushReport, push, stabilize
 from physique.commands.retarget import retarget
-from physique.motion.clip import Motion
+from physique.experiments.standing import standing
 from physique.store import prepare_folder, write_atomic
 
 IMPULSES = (5.0, 50.0, 75.0, 125.0, 250.0)  # Ns
 PAPER = {"pd": (3, 4, 0, 1, 0), "lqr": (89, 28, 20, 8, 5)}  # of 100 trials
-SECONDS = 0.8
-FPS = 100.0
 
 
 @dataclass(frozen=True)
@@ -47,24 +41,6 @@ class Table2:
     duration: float = 0.01
     seed: int = 0
     body: str = "average"
-
-
-def standing(body: str) -> Motion:
-    """0.8 s of standing upright with the arms down."""
-    rest = capsule_body(named_body(body)).joints
-    turn = np.tile(np.array([1.0, 0.0, 0.0, 0.0]), (22, 1))
-    for side, sign in (("left", -1.0), ("right", 1.0)):
-        turn[skeleton.INDEX[f"{side}_shoulder"]] = rotations.about("x", np.array(sign * 1.2))
-    frames = round(SECONDS * FPS) + 1
-    return Motion(
-        name="standing",
-        source="physique.experiments.table2",
-        fps=FPS,
-        rotations=np.tile(turn, (frames, 1, 1)),
-        root=np.tile(rest[0], (frames, 1)),
-        rest_joints=rest,
-        contacts=np.ones((frames, 2), dtype=bool),
-    )
 
 
 def measure(options: Table2) -> dict[str, list[PushReport]]:

@@ -24,6 +24,9 @@ from physique.tracking.spline import fit_knots, knot_count, knot_matrix
 
 Array = NDArray[np.float64]
 
+#: E (B,) of open-loop controls (B, N, 50), rad, on a problem.
+Objective = Callable[[Problem, Simulator, Array], Array]
+
 #: What a sample that blew up costs: more than any motion, and finite, since CMA subtracts costs.
 DIVERGED = 1e12
 
@@ -54,17 +57,27 @@ class CmaOptions:
             raise InputError("CMA option sigma", f"{self.sigma} rad", "more than 0", "try 0.3")
 
 
+def evaluate(problem: Problem, simulator: Simulator, control: Array) -> Array:
+    """E (B,) of open-loop controls (B, N, 50), rad; `DIVERGED` where the simulation blew up."""
+    q, v, com, com_velocity, diverged = simulator.run_open_loop(problem.q0, problem.v0, control)
+    with np.errstate(over="ignore", invalid="ignore"):
+        cost = costs.total(problem.terms(q, v, com, com_velocity))
+    bad = diverged | ~np.isfinite(cost) | (cost > DIVERGED)
+    return np.where(bad, DIVERGED, cost)
+
+
 def solve(
     problem: Problem,
     simulator: Simulator,
     nominal: Rollout,
     options: CmaOptions = CmaOptions(),
     on_iteration: Callable[[int, float], None] | None = None,
+    objective: Objective = evaluate,
 ) -> Solution:
     """Minimise E over spline knots, from zero (the T-pose) or from the nominal controls.
 
-    `history` holds the lowest E so far. The same options give the same result, bit for bit, on
-    any number of threads.
+    objective: asked for the costs of all samples. `history` holds the lowest E so far. The same
+    options give the same result, bit for bit, on any number of threads.
     """
     before = simulator.steps
     seconds = problem.steps * float(problem.character.model.opt.timestep)
@@ -75,13 +88,13 @@ def solve(
         start = fit_knots(matrix, nominal.control)
     rng = np.random.default_rng(options.seed)
     search = new_search(start.ravel(), options.sigma, options.samples, rng)
-    best, lowest = start, evaluate(problem, simulator, _controls(matrix, start[None]))[0]
+    best, lowest = start, objective(problem, simulator, _controls(matrix, start[None]))[0]
     history = [lowest]
     status = "iterations"
     for iteration in range(1, options.iterations + 1):
         samples = search.ask()
         knots = np.reshape(samples, (len(samples), *start.shape))
-        cost = evaluate(problem, simulator, _controls(matrix, knots))
+        cost = objective(problem, simulator, _controls(matrix, knots))
         search.tell(samples, cost.tolist())
         first = int(np.argmin(cost))
         if cost[first] < lowest:
@@ -146,12 +159,3 @@ def new_search(start: Array, sigma: float, samples: int, rng: np.random.Generato
 def _controls(matrix: Array, knots: Array) -> Array:
     """Controls (B, N, 50) of samples knots (B, knots, 50)."""
     return np.einsum("tk,bkj->btj", matrix, knots)
-
-
-def evaluate(problem: Problem, simulator: Simulator, control: Array) -> Array:
-    """E (B,) of open-loop controls (B, N, 50), rad; `DIVERGED` where the simulation blew up."""
-    q, v, com, com_velocity, diverged = simulator.run_open_loop(problem.q0, problem.v0, control)
-    with np.errstate(over="ignore", invalid="ignore"):
-        cost = costs.total(problem.terms(q, v, com, com_velocity))
-    bad = diverged | ~np.isfinite(cost) | (cost > DIVERGED)
-    return np.where(bad, DIVERGED, cost)
