@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw, ImageFont
 
 import physique
 from physique import rotations, skeleton
@@ -26,7 +25,9 @@ from physique.character.model import empty_handed
 from physique.character.soles import sole_points
 from physique.commands.bodies import write_png
 from physique.motion.clip import Motion
-from physique.render.picture import frame_camera, render, strip
+from physique.render.picture import strip
+from physique.render.scene import AZIMUTH, Scene, at_one_scale, make_actor, stage
+from physique.render.surface import surface
 from physique.store import write_atomic
 
 Array = NDArray[np.float64]
@@ -268,40 +269,27 @@ def _yes(value: bool) -> str:
 
 def _sheet(rows: Sequence[tuple[str, physique.Run, Array]], n: int = 9) -> Array:
     """A strip of n frames for each run, with its name."""
-    return np.concatenate(
-        [
-            _label(strip(run.character().model, q, n, fps=100.0, panel=PANEL), label, 26)
-            for label, run, q in rows
-        ]
-    )
+    return strip([_scene(*row) for row in rows], n)
 
 
 def _front(
     stand: Sequence[tuple[str, physique.Run, Array]], walk: Sequence[tuple[str, physique.Run, Array]]
 ) -> Array:
     """From the front, all at one scale: the last pose of who stands, strips of who walks."""
-    models = [run.character().model for _, run, _ in stand]
-    camera = frame_camera(models[0], np.concatenate([q[-1:] for *_, q in stand]), PANEL, azimuth=0)
-    poses = [
-        _label(render(model, q[-1], camera.follow(q[-1]), PANEL), label, 6)
-        for model, (label, _, q) in zip(models, stand)
-    ]
-    strips = [
-        _label(strip(run.character().model, q, len(poses), fps=100.0, camera=camera, panel=PANEL), label, 26)
-        for label, run, q in walk
-        if label in ("nothing", "stick:2kg", "stick:10kg", "block:5kg")
-    ]
-    width = strips[0].shape[1]
-    top = np.full((PANEL[1] + 6, width, 3), 255, dtype=np.uint8)
-    for i, pose in enumerate(poses):
-        top[: PANEL[1], i * (PANEL[0] + 2) : i * (PANEL[0] + 2) + PANEL[0]] = pose
-    return np.concatenate([top, *strips])
+    shown = [row for row in walk if row[0] in ("nothing", "stick:2kg", "stick:10kg", "block:5kg")]
+    scenes = at_one_scale(
+        [_scene(label, run, q[-1:], azimuth=0.0) for label, run, q in stand]
+        + [_scene(*row, azimuth=0.0) for row in shown]
+    )
+    poses = np.concatenate([scene.picture(0) for scene in scenes[: len(stand)]], axis=1)
+    walks = strip(scenes[len(stand) :], len(stand))
+    sheet = np.full((PANEL[1] + 2 + len(walks), walks.shape[1], 3), 255, dtype=np.uint8)
+    sheet[: PANEL[1], : poses.shape[1]], sheet[PANEL[1] + 2 :] = poses, walks
+    return sheet
 
 
-def _label(picture: Array, text: str, top: int) -> Array:
-    drawn = Image.fromarray(picture)
-    ImageDraw.Draw(drawn).text((6, top), text, (52, 58, 66), ImageFont.load_default(13))
-    return np.array(drawn)
+def _scene(label: str, run: physique.Run, q: Array, azimuth: float = AZIMUTH) -> Scene:
+    return stage([make_actor(surface(run), q, label=label)], 1 / run.timestep, PANEL, azimuth=azimuth)
 
 
 def _store(page: Path, part: str, text: str) -> None:

@@ -17,7 +17,7 @@ _GAP = 0.25  # m, of free floor between two runs
 
 
 def side_by_side(runs: Sequence[Run]) -> Array:
-    """Shifts (N, 3), m, world, after which no two runs, or their references, ever meet.
+    """Shifts (N, 3), m, world, after which no two runs, or their sources, ever meet.
 
     Seen by someone whom they face, the first stands on the left; their middle is at y = 0.
     """
@@ -32,8 +32,8 @@ def side_by_side(runs: Sequence[Run]) -> Array:
 
 
 def _span(run: Run) -> tuple[float, float]:
-    """The least and the largest y, m, that the body or its reference ever takes."""
-    motions = (run.trajectory.q, run.trajectory.reference_q)
+    """The least and the largest y, m, that the body or its source ever takes."""
+    motions = (run.trajectory.q, run.trajectory.source_q)
     y = np.concatenate([joint_transforms(run.body, q)[:, :, 1, 3] for q in motions])
     return float(y.min()) - _FLESH, float(y.max()) + _FLESH
 
