@@ -21,7 +21,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import mujoco
 import numpy as np
 from PIL import Image
 
@@ -29,6 +28,7 @@ import physique
 from physique.body.named import PEOPLE
 from physique.motion.library import list_clips
 from physique.render.picture import strip
+from physique.render.scene import stage_runs
 from physique.store import read_json, write_json
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -226,25 +226,9 @@ def slides_less(cell: dict[str, Any]) -> bool:
 
 
 def pictures() -> np.ndarray:
-    """Strips of `PICTURES`, one below the other: the reference in grey, the body in colours."""
-    strips = []
-    for clip, body in PICTURES:
-        run = physique.retarget(clip, body)
-        model = mujoco.MjModel.from_xml_string(run.character_xml)
-        strips.append(
-            strip(
-                model,
-                run.trajectory.q,
-                8,
-                fps=1.0 / model.opt.timestep,
-                reference_q=run.trajectory.reference_q,
-                panel=(130, 180),
-                labels=("reference", f"{clip}, {body}"),
-            )
-        )
-    width = max(s.shape[1] for s in strips)
-    padded = [np.pad(s, ((0, 8), (0, width - s.shape[1]), (0, 0)), constant_values=255) for s in strips]
-    return np.concatenate(padded)
+    """Strips of `PICTURES`, one below the other: the source as a ghost, the body beside it."""
+    runs = [physique.retarget(clip, body) for clip, body in PICTURES]
+    return strip([stage_runs([run], (180, 180), source=True) for run in runs], 6)
 
 
 if __name__ == "__main__":

@@ -1,18 +1,23 @@
-"""The rasteriser draws what the ray caster draws, and hides, shades and veils as it should."""
+"""The rasteriser sees what rays meet, and hides, shades and veils as it should."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from physique.body.primitives import Primitive, primitive_mesh
+from physique.render import daylight
 from physique.render.camera import Camera
-from physique.render.mesh_picture import render_meshes
-from physique.render.palette import of_rgb
 from physique.render.raster import draw
+from physique.render.scene import make_actor, stage
 from physique.render.skin import skin_vertices
-from physique.render.surface import skin_surface
-from physique.render.zbuffer import Triangles, triangles
+from physique.render.surface import capsule_surface, skin_surface
+from physique.render.zbuffer import SLANT, Triangles, place, see, triangles
 from physique.runs.run import Run
 
 SIZE = (240, 180)
@@ -46,23 +51,110 @@ def is_red(colour: NDArray[np.int64]) -> bool:
 FRONT = Camera.look_at([0, 0, 0.5], distance=4, azimuth=0, elevation=10)
 
 
-def test_a_person_looks_as_the_ray_caster_has_it(run: Run) -> None:
-    assert run.mesh is not None
-    v = skin_vertices(run.mesh, run.trajectory.q[20:21])[0]
-    shown = skin_surface(run.mesh, of_rgb(RED))
-    camera = Camera.look_at([*v.mean(axis=0)[:2], 0.9], distance=4.5, azimuth=50, elevation=10)
-    found = draw(triangles([(v, shown.faces, shown.colours)]), camera, SIZE).astype(int)
-    wanted = render_meshes([(v, shown.faces, RED)], camera, SIZE).astype(int)
-    inside, outside = (image[..., 0] - image[..., 2] > 40 for image in (found, wanted))
-    assert outside.sum() > 1500
-    assert (inside ^ outside).sum() < 0.03 * outside.sum()  # half a pixel of the outline
-    apart = np.abs(found - wanted)
-    # On the body, shadows on the skin have other rims; on the floor, so has nearness.
-    assert np.median(apart[inside & outside]) <= 4
-    assert apart[inside & outside].mean() < 8
-    far = ~(inside | outside)
-    assert np.median(apart[far]) <= 1
-    assert (apart[far].max(axis=1) > 12).mean() < 0.06
+def rays(camera: Camera, pixels: NDArray[np.float64], size: tuple[int, int]) -> NDArray[np.float64]:
+    """Directions (..., 3), 1 along the view, through pixels (..., 2) of a picture (w, h)."""
+    up = np.tan(np.radians(camera.fov) / 2) * (1 - 2 * pixels[..., 1] / size[1])
+    right = np.tan(np.radians(camera.fov) / 2) * (2 * pixels[..., 0] - size[0]) / size[1]
+    axes = camera.axes()
+    return np.asarray(right[..., None] * axes[0] + up[..., None] * axes[1] + axes[2])
+
+
+def first_hits(
+    what: Triangles, eye: NDArray[np.float64], along: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
+    """Where rays (n, 3) from the eye first meet a triangle from before: distances, triangles, -1
+    for none, and how safely: the least barycentric number, or lead in distance, of any near it."""
+    a, b, c = (what.vertices[what.faces[:, k]] for k in range(3))
+    normal = np.cross(b - a, c - a)
+    facing = along @ normal.T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        t = ((a - eye) * normal).sum(axis=1) / facing
+    at = eye + t[..., None] * along[:, None]
+    area = (normal**2).sum(axis=1)
+    parts = [(np.cross(q - p, at - p) * normal).sum(axis=2) / area for p, q in ((a, b), (b, c), (c, a))]
+    inside = np.min(parts, axis=0)
+    t = np.where((facing < 0) & (t > 0), t, np.inf)
+    met = np.where(inside >= 0, t, np.inf)
+    order = np.sort(np.concatenate([met, np.full((len(along), 1), 1e3)], axis=1), axis=1)
+    nearest = met.argmin(axis=1)
+    found = np.isfinite(met.min(axis=1))
+    # An edge before what is met could be counted either way.
+    before = t <= order[:, :1] + 1e-3
+    sure = np.where(before, np.abs(inside), np.inf).min(axis=1)
+    lead = np.where(found, order[:, 1] - order[:, 0], np.inf) if order.shape[1] > 1 else np.inf
+    return met.min(axis=1), np.where(found, nearest, -1), np.minimum(sure, lead)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_samples_see_the_triangles_that_rays_meet(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    size = (16, 12)
+    v = rng.uniform([-1, -1, -0.3], [1, 1, 1.3], (18, 3))
+    what = triangles([(v, np.arange(18, dtype=np.int32).reshape(6, 3), np.ones((18, 3)))])
+    camera = Camera.look_at([0, 0, 0.5], distance=4, azimuth=rng.uniform(0, 360), elevation=20)
+    layer = see(what, camera, size)
+    samples = np.array([[place(i, j, SLANT) for j in range(2 * size[0])] for i in range(2 * size[1])])
+    along = rays(camera, 0.5 * samples, size).reshape(-1, 3)
+    depth, owner, sure = first_hits(what, np.array(camera.eye), along)
+    safe = sure > 1e-4
+    assert safe.mean() > 0.9
+    assert np.array_equal(layer.owner.ravel()[safe], owner[safe])
+    assert np.allclose(layer.depth.ravel()[safe], 1 / depth[safe], atol=1e-6)
+
+
+def ball(radius: float, height: float) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """A ball over the origin with its middle at a height, m."""
+    solid = Primitive("ball", "ellipsoid", np.full(3, radius), np.array([0, 0, height]), np.eye(3))
+    return primitive_mesh(solid, 0.02)
+
+
+def test_a_ball_has_the_outline_and_the_light_of_a_sphere() -> None:
+    v, f = ball(0.4, 0.9)
+    image = draw(triangles([(v, f, np.tile(RED, (len(v), 1)))]), FRONT, SIZE)
+    eye, middle = np.array(FRONT.eye), np.array([0, 0, 0.9])
+    pixels = np.stack(np.meshgrid(np.arange(SIZE[0]) + 0.5, np.arange(SIZE[1]) + 0.5), axis=-1)
+    along = rays(FRONT, pixels, SIZE)
+    along /= np.linalg.norm(along, axis=2, keepdims=True)
+    ahead = along @ (middle - eye)
+    under = 0.4**2 - ((middle - eye) ** 2).sum() + ahead**2
+    inside = under > 0
+    is_ball = image[..., 0].astype(int) - image[..., 2] > 60
+    assert (is_ball ^ inside).sum() < 0.03 * inside.sum()
+    normal = (eye + (ahead - np.sqrt(np.maximum(under, 0)))[..., None] * along - middle) / 0.4
+    facing, up = normal @ daylight.sun_of(FRONT), 0.5 + 0.5 * normal[..., 2:]
+    sky, ground = daylight.SKY_LIGHT, daylight.GROUND_LIGHT
+    fill = -daylight.FILL * (normal * along).sum(axis=2, keepdims=True)
+    light = np.array(RED) ** 2 * (
+        ground + up * (sky - ground) + fill + np.maximum(facing, 0)[..., None] * daylight.SUN
+    )
+    # Not at the outline, nor where the sun only grazes and the ball is in its own shadow's rim.
+    clear = (under > 0.15 * 0.4**2) & (np.abs(facing) > 0.25)
+    assert clear.sum() > 800
+    wanted = 255 * np.sqrt(np.clip(light, 0, 1))
+    assert np.abs(image - wanted)[clear].max() < 4
+
+
+def test_the_floor_is_chequered_and_fades_into_the_sky() -> None:
+    """Against the mean of many points of the hard pattern in each pixel."""
+    image = draw(triangles([]), FRONT, SIZE).astype(float)
+    fine = (np.arange(SIZE[0] * 8) + 0.5) / 8, (np.arange(SIZE[1] * 8) + 0.5) / 8
+    along = rays(FRONT, np.stack(np.meshgrid(*fine), axis=-1), SIZE)
+    along /= np.linalg.norm(along, axis=2, keepdims=True)
+    height = np.clip(along[..., 2:] / daylight.SKY_BAND, 0, 1)
+    sky = daylight.SKY_LOW**2 * (1 - height) + daylight.SKY_TOP**2 * height
+    distance = np.where(along[..., 2] < 0, -FRONT.eye[2] / np.minimum(along[..., 2], -1e-9), np.inf)
+    at = np.array(FRONT.eye) + np.minimum(distance, 1e3)[..., None] * along
+    dark = (np.floor(at[..., :2] / daylight.TILE).sum(axis=2) % 2)[..., None]
+    colour = daylight.FLOOR[0] ** 2 + dark * (daylight.FLOOR[1] ** 2 - daylight.FLOOR[0] ** 2)
+    fill = daylight.FILL * np.abs(along[..., 2:])
+    floor = colour * (daylight.SKY_LIGHT + fill + daylight.sun_of(FRONT)[2] * daylight.SUN)
+    fog = np.clip((distance - daylight.FOG[0]) / np.ptp(daylight.FOG), 0, 1)[..., None]
+    light = sky + (1 - fog * fog * (3 - 2 * fog)) * (floor - sky)
+    wanted = 255 * np.sqrt(light.reshape(SIZE[1], 8, SIZE[0], 8, 3).mean(axis=(1, 3)))
+    apart = np.abs(image - wanted).max(axis=2)
+    assert np.median(apart) <= 1
+    assert apart.max() < 16  # where a pixel is a trapezium on the floor, not a rectangle
 
 
 def test_what_is_nearer_hides_what_is_behind() -> None:
@@ -129,6 +221,30 @@ def test_edges_are_smooth() -> None:
     assert len(partly) >= 0.6 * (bottom - top)
     quarters = np.bincount(np.rint(4 * partly).astype(int), minlength=4)
     assert (quarters[1:4] >= 3).all()
+
+
+def test_small_pictures_are_means_of_large_ones(run: Run) -> None:
+    """Which they are not where edges have stairs."""
+    shown = capsule_surface(run.body)
+    scene = stage([make_actor(shown, run.trajectory.q)], 100.0, (160, 120))
+    small = scene.picture(20, caption=False).astype(float)
+    large = replace(scene, size=(640, 480)).picture(20, caption=False).astype(float)
+    mean = large.reshape(120, 4, 160, 4, 3).mean((1, 3))
+    assert np.sqrt(((small - mean) ** 2).mean()) < 4.0
+    assert np.quantile(np.abs(small - mean), 0.999) < 60
+
+
+def test_nearness_darkens_the_floor() -> None:
+    def light_before(height: float) -> int:
+        v, f = ball(0.3, 0.3 + height)
+        image = draw(triangles([(v, f, np.tile(RED, (len(v), 1)))]), above, SIZE, sun=sun)
+        return int(colour_at(image, above, [0, 0.2, 0]).sum())
+
+    above = Camera.look_at([0, 0, 0], distance=6, azimuth=0, elevation=40)
+    sun = np.array([0.0, 1.0, 0.5])  # the shadow falls to the other side
+    light = [light_before(height) for height in (0.01, 1, 3)]
+    assert light[0] < light[1] - 15
+    assert light[2] - light[1] < 5
 
 
 def test_what_reaches_the_camera_is_left_out() -> None:

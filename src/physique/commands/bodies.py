@@ -17,9 +17,8 @@ from physique.body.describe import BodyFacts, describe_body
 from physique.body.fit import Sex, make_body
 from physique.body.mesh import BodyMesh
 from physique.body.named import PEOPLE, named_body
-from physique.character.model import make_character
 from physique.errors import InputError
-from physique.render.mesh_picture import body_picture
+from physique.render.picture import body_picture
 from physique.store import prepare_folder, write_atomic
 
 
@@ -81,8 +80,7 @@ def picture_body(path: Path, made: MadeBody) -> None:
     """Draw skin and capsules into a PNG file. Raises InputError where it cannot be written."""
     _check_suffix(path, ".png")
     prepare_folder(path.parent)
-    model = make_character(made.capsules, 100.0).model
-    write_png(path, body_picture(made.mesh, model))
+    write_png(path, body_picture(made.mesh, made.capsules))
 
 
 def write_png(path: Path, picture: Any) -> None:

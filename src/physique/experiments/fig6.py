@@ -21,14 +21,17 @@ from physique.character import kinematics
 from physique.commands.bodies import write_png
 from physique.feedback.policy import ControllerName, load_policy
 from physique.feedback.pushes import Trial, run_trial
+from physique.render import palette
 from physique.render.picture import animation, strip
+from physique.render.scene import make_actor, stage
+from physique.render.surface import surface
 from physique.runs.run import POLICY, load_run
 from physique.simulation.mujoco_simulator import MujocoSimulator
 from physique.simulation.process import quiet
 from physique.simulation.stepper import Push
 
 DURATION = 0.1  # s
-PANELS = 8
+PANEL, PANELS = (220, 210), 6  # pixels of a frame; frames
 
 
 @dataclass(frozen=True)
@@ -72,25 +75,15 @@ def main(arguments: list[str] | None = None) -> None:
         policy = load_policy(options.run / POLICY, name)
         with quiet(), MujocoSimulator(character, 1) as simulator:
             found[name] = run_trial(simulator, policy, push, joints, to_end=True)
-    wanted = run.trajectory.q[frame:]
-    rows = []
+    shown = surface(run, capsules=run.mesh is None)
+    wanted = make_actor(shown, run.trajectory.q[frame:], label="motion", ghost=True, colour=palette.SOURCE)
+    scenes = []
     for label, trial in found.items():
-        q = trial.motion.q
-        rows.append(
-            strip(
-                character.model,
-                q,
-                PANELS,
-                fps=1 / step,
-                reference_q=wanted[: len(q)],
-                panel=(150, 210),
-                labels=("motion", label),
-            )
-        )
-        animation(character.model, q, 1 / step, options.run / f"fig6_{label}.webp", wanted[: len(q)])
+        scenes.append(stage([wanted, make_actor(shown, trial.motion.q, label=label)], 1 / step, PANEL))
+        animation(options.run / f"fig6_{label}.webp", scenes[-1])
         outcome = "recovers" if trial.lost is None else f"is lost after {trial.lost:.2f} s"
         sys.stdout.write(f"{label}: {outcome}, greatest error {trial.error:.2f} m\n")
-    write_png(options.run / "fig6.png", np.concatenate(rows))
+    write_png(options.run / "fig6.png", strip(scenes, PANELS))
     sys.stdout.write(f"{push.name} at {frame * step:.2f} s: {options.run / 'fig6.png'}\n")
 
 

@@ -18,22 +18,23 @@ from physique.character import kinematics
 from physique.character.hinges import columns
 from physique.character.model import empty_handed
 from physique.experiments.section5 import (
-    PANEL,
     Array,
     Picture,
     Row,
     Section5,
-    label_picture,
     limits_in_words,
     markdown,
     present,
+    scene,
     yes,
 )
 from physique.experiments.standing import standing
-from physique.render.picture import frame_camera, render, strip
+from physique.render.picture import strip
+from physique.render.scene import at_one_scale
 from physique.runs.run import Run
 
 SECONDS = 2.0
+GAP = 2  # pixels
 OBJECTS = (None, "stick:0.5kg", "stick:2kg", "stick:5kg", "stick:10kg", "block:5kg")
 OWN: tuple[tuple[str | None, Any], ...] = tuple((held, "body") for held in OBJECTS)
 WEAK: tuple[tuple[str | None, Any], ...] = ((None, 50.0), ("stick:5kg", 50.0), ("stick:10kg", 50.0))
@@ -112,24 +113,16 @@ def posture(run: Run, wanted: Array) -> list[str]:
 
 def front(stand: Sequence[Row], walk: Sequence[Row]) -> Picture:
     """From the front, all at one scale: the last pose of who stands, strips of who walks."""
-    models = [run.character().model for _, run, _ in stand]
-    camera = frame_camera(models[0], np.concatenate([q[-1:] for *_, q in stand]), PANEL, azimuth=0)
-    poses = [
-        label_picture(render(model, q[-1], camera.follow(q[-1]), PANEL), label, 6)
-        for model, (label, _, q) in zip(models, stand)
-    ]
-    strips = [
-        label_picture(
-            strip(run.character().model, q, len(poses), fps=100.0, camera=camera, panel=PANEL), label, 26
-        )
-        for label, run, q in walk
-        if label in SHOWN
-    ]
-    width = strips[0].shape[1]
-    top = np.full((PANEL[1] + 6, width, 3), 255, dtype=np.uint8)
-    for i, pose in enumerate(poses):
-        top[: PANEL[1], i * (PANEL[0] + 2) : i * (PANEL[0] + 2) + PANEL[0]] = pose
-    return np.concatenate([top, *strips])
+    scenes = at_one_scale(
+        [scene(label, run, q[-1:], azimuth=0.0) for label, run, q in stand]
+        + [scene(*row, azimuth=0.0) for row in walk if row[0] in SHOWN]
+    )
+    poses = np.concatenate([one.picture(0) for one in scenes[: len(stand)]], axis=1)
+    walks = strip(scenes[len(stand) :], len(stand))
+    height, width = len(poses) + GAP, max(poses.shape[1], walks.shape[1])
+    picture = np.full((height + len(walks), width, 3), 255, dtype=np.uint8)
+    picture[: len(poses), : poses.shape[1]], picture[height:, : walks.shape[1]] = poses, walks
+    return picture
 
 
 def main(arguments: list[str] | None = None) -> None:

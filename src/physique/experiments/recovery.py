@@ -42,7 +42,7 @@ LEAST = 0.10  # m
 #: by so much, m.
 SLOW, STANDS, LIFT = 0.25, 0.08, 0.03
 DURATION = 0.1  # s, of a push
-PANELS = 8
+PANEL, PANELS = (220, 210), 6  # pixels of a frame; frames
 
 
 @dataclass(frozen=True)
@@ -142,30 +142,24 @@ def find(options: Recovery, run: Run) -> tuple[Step, dict[str, Trial]]:
 
 def draw(run: Run, trials: dict[str, Trial], folder: Path) -> tuple[Path, Path]:
     """A strip of pictures and a video of both controllers, from the push on."""
-    character, timestep = run.character(), run.timestep
-    start = trials["tree"].push.start
-    rows = []
-    for label, trial in trials.items():
-        q = trial.motion.q
-        rows.append(
-            strip(
-                character.model,
-                q,
-                PANELS,
-                fps=1 / timestep,
-                panel=(130, 180),
-                reference_q=run.trajectory.q[start : start + len(q)],
-                labels=("motion", label),
-            )
-        )
-    write_png(folder / "recovery.png", np.concatenate(rows))
+    start, fps = trials["tree"].push.start, 1 / run.timestep
+    capsules = run.mesh is None
+    wanted = make_actor(
+        surface(run, capsules=capsules),
+        run.trajectory.q[start:],
+        label="motion",
+        ghost=True,
+        colour=palette.SOURCE,
+    )
     actors = [
-        make_actor(surface(run, colour=palette.body(index)), trial.motion.q, label=label)
-        for index, (label, trial) in enumerate(trials.items())
+        make_actor(surface(run, capsules=capsules, colour=palette.body(i)), trial.motion.q, label=label)
+        for i, (label, trial) in enumerate(trials.items())
     ]
-    scene = stage(actors, 1 / timestep)
+    sheet = strip([stage([wanted, actor], fps, PANEL) for actor in actors], PANELS)
+    write_png(folder / "recovery.png", sheet)
+    scene = stage(actors, fps)
     frames = frames_at(scene.frames, scene.fps, RATE).tolist()
-    video = encode(folder / "recovery.mp4", map(scene.picture, frames), scene.size, RATE)
+    video = encode(folder / "recovery.mp4", scene.pictures(frames), scene.size, RATE)
     return folder / "recovery.png", video
 
 

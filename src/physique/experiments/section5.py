@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import tyro
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw, ImageFont
 
 from physique import skeleton
 from physique.character import kinematics
@@ -19,6 +18,8 @@ from physique.commands.bodies import write_png
 from physique.experiments.cells import kept_run
 from physique.motion.clip import Motion
 from physique.render.picture import strip
+from physique.render.scene import AZIMUTH, Scene, make_actor, stage
+from physique.render.surface import surface
 from physique.runs.run import Run
 from physique.store import prepare_folder, write_atomic
 
@@ -101,16 +102,10 @@ def ankles(run: Run, q: Array) -> Array:
 
 def sheet(rows: Sequence[Row], n: int = 9) -> Picture:
     """A strip of n frames for each run, with its name."""
-    return np.concatenate(
-        [
-            label_picture(strip(run.character().model, q, n, fps=100.0, panel=PANEL), label, 26)
-            for label, run, q in rows
-        ]
-    )
+    return strip([scene(*row) for row in rows], n)
 
 
-def label_picture(picture: Picture, text: str, top: int) -> Picture:
-    """The picture with a text in its upper left corner."""
-    drawn = Image.fromarray(picture)
-    ImageDraw.Draw(drawn).text((6, top), text, (52, 58, 66), ImageFont.load_default(13))
-    return np.array(drawn)
+def scene(label: str, run: Run, q: Array, azimuth: float = AZIMUTH) -> Scene:
+    """The person of a run in the motion q (T, 57)."""
+    actor = make_actor(surface(run, capsules=run.mesh is None), q, label=label)
+    return stage([actor], 1.0 / run.timestep, PANEL, azimuth=azimuth)

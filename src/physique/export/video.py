@@ -2,26 +2,20 @@
 
 from __future__ import annotations
 
-import os
 import tempfile
-from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from pathlib import Path
-
-import numpy as np
-from numpy.typing import NDArray
 
 from physique.errors import InputError
 from physique.extras import require
 from physique.render.raster import Image
 from physique.render.sampling import RATE, frames_at
-from physique.render.scene import Scene, stage_runs
+from physique.render.scene import stage_runs
 from physique.runs.run import Run
 from physique.store import PathLike, write_atomic
 
 _QUALITY = 20  # x264's constant rate factor: 18 to 23 look like the original
-_AHEAD = 16  # pictures that are drawn before they are encoded
 _BT709 = 1  # the colours of high-definition video, in FFmpeg's numbers
 
 
@@ -46,15 +40,8 @@ def write_video(
         raise InputError("size", f"{size[0]} x {size[1]}", "even numbers of pixels", "add one pixel")
     scene = stage_runs(runs, size, source=source, capsules=capsules)
     rate = min(RATE if rate is None else rate, scene.fps)
-    frames = frames_at(scene.frames, scene.fps, rate)
-    return encode(path, _drawn(scene, frames), scene.size, rate)
-
-
-def _drawn(scene: Scene, frames: NDArray[np.int64]) -> Iterator[Image]:
-    """The pictures in order, drawn on all processors, a few at a time."""
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        for start in range(0, len(frames), _AHEAD):
-            yield from pool.map(scene.picture, frames[start : start + _AHEAD].tolist())
+    frames = frames_at(scene.frames, scene.fps, rate).tolist()
+    return encode(path, scene.pictures(frames), scene.size, rate)
 
 
 def encode(path: PathLike, pictures: Iterable[Image], size: tuple[int, int], rate: float) -> Path:

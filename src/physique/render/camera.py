@@ -70,23 +70,12 @@ class Camera:
         right = right / np.linalg.norm(right)
         return np.stack([right, np.cross(right, forward), forward])
 
-    def rays(self, pixels: Array, size: tuple[int, int]) -> Array:
-        """Unit directions (n, 3) in the world through `pixels` (n, 2) of a picture (w, h).
-
-        pixels: (column, row), counted from the upper left corner of the picture; the middle of
-            the first pixel is (0.5, 0.5).
-        """
-        width, height = size
-        scale = 2.0 * np.tan(np.radians(self.fov) / 2.0) / height
-        plane = np.empty((len(pixels), 3))
-        plane[:, 0] = (pixels[:, 0] - width / 2.0) * scale
-        plane[:, 1] = (height / 2.0 - pixels[:, 1]) * scale
-        plane[:, 2] = 1.0
-        rays = plane @ self.axes()
-        return rays / np.sqrt(np.einsum("ij,ij->i", rays, rays))[:, None]
-
     def project(self, points: ArrayLike, size: tuple[int, int]) -> Array:
-        """Pixels (..., 2), as in `rays`, at which points (..., 3) before the camera are seen."""
+        """Where points (..., 3) before the camera are seen in a picture of `size` (w, h).
+
+        Pixels (..., 2), (column, row), from the upper left corner of the picture; the middle of the
+        first pixel is (0.5, 0.5).
+        """
         width, height = size
         right, up, depth = np.moveaxis((np.asarray(points) - self.eye) @ self.axes().T, -1, 0)
         scale = height / (2.0 * np.tan(np.radians(self.fov) / 2.0))

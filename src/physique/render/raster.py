@@ -1,4 +1,4 @@
-"""Pictures of triangles, fast: z-buffers in compiled loops, with the light of the ray caster.
+"""Pictures of triangles, fast: z-buffers in compiled loops.
 
 Every pixel has four samples. Where all four lie on the same smooth piece of surface one
 is shaded for all, at edges each is. The sun's shadow is a second z-buffer, seen from the sun; how

@@ -8,7 +8,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import os
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -32,6 +34,7 @@ from physique.render.zbuffer import Triangles, triangles
 from physique.runs.run import Run
 
 Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
 
 AZIMUTH, ELEVATION, FOV = 50.0, 9.0, 28.0  # degrees: from before and a little to the left
 
@@ -40,6 +43,8 @@ _SAMPLES = 20  # poses at which figures are measured
 _CALM = 0.25  # s, over which camera and labels are smoothed
 _TAG = 0.23  # m, from the highest joint up to a label
 _TAG_HEIGHT = np.array([0.0, 0.0, 0.1])  # m
+_MARGIN = 1.06  # how much more than the figures a camera sees
+_AHEAD = 16  # pictures that are drawn before they are taken
 _INK, _HALO = (44, 50, 58), (246, 247, 248)
 
 
@@ -115,6 +120,12 @@ class Scene:
         )
         return self._captioned(image, camera, frame) if caption else image
 
+    def pictures(self, frames: Sequence[int], threads: int | None = None) -> Iterator[Image]:
+        """Pictures of these frames, in order, a few at a time; all processors draw, or `threads`."""
+        with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
+            for start in range(0, len(frames), _AHEAD):
+                yield from pool.map(self.picture, frames[start : start + _AHEAD])
+
     def _captioned(self, image: Image, camera: Camera, frame: int) -> Image:
         picture = PillowImage.fromarray(image)
         pen = ImageDraw.Draw(picture)
@@ -141,12 +152,13 @@ def stage(
     *,
     azimuth: float = AZIMUTH,
     elevation: float = ELEVATION,
+    fov: float = FOV,
     line_up: bool = True,
 ) -> Scene:
     """A scene of actors, before a camera that is as near as it can be to see all of all motions.
 
     fps: frames a second of all actors. size: (width, height), pixels.
-    azimuth, elevation: degrees, as in `Camera.look_at`.
+    azimuth, elevation, fov: degrees, as in `Camera.look_at`.
     line_up: put them side by side across the view, from left to right; else they stay where their
         motions are.
     Raises InputError where there is no actor, or for a size that is none.
@@ -155,25 +167,34 @@ def stage(
         raise InputError("scene", "no actors", "at least one", "pass the people to be shown")
     if min(size) < 16 or max(size) > 4096:
         raise InputError("size", f"{size[0]} x {size[1]}", "16 to 4096 pixels a side", "choose another size")
-    probe = Camera.look_at(np.zeros(3), azimuth=azimuth, elevation=elevation, fov=FOV)
+    probe = Camera.look_at(np.zeros(3), azimuth=azimuth, elevation=elevation, fov=fov)
     frames = max(actor.frames for actor in actors)
-    some = np.unique(np.linspace(0, frames - 1, _SAMPLES).round().astype(int))
-    shapes = [np.stack([actor.vertices(t) for t in some]) for actor in actors]
-    placed = list(actors)
-    if line_up:
-        right = probe.axes()[0]
-        for i, at in enumerate(_places([shape @ right for shape in shapes])):
-            move = at * right
-            placed[i] = replace(actors[i], shift=tuple(np.add(actors[i].shift, move[:2])))
-            shapes[i] = shapes[i] + move
-    middle = np.mean([actor.joints(frames)[:, 0, :2] for actor in placed], axis=0)
-    route = _calm(middle, fps)
-    # Bodies and labels as seen from where the camera is, and the floor under it.
-    away = np.insert(route[some], 2, 0.0, axis=1)
-    outlines = [(shape - away[:, None]).reshape(-1, 3) for shape in shapes]
-    tags = [_tag(a, frames, fps)[some] - away + _TAG_HEIGHT for a in placed if a.label]
-    points = np.concatenate([*outlines, *tags, np.zeros((1, 3))])
-    return Scene(tuple(placed), probe.holding(points, size, margin=1.06), route, size, fps)
+    right = probe.axes()[0]
+    across = [np.stack([actor.vertices(t) for t in _some(frames)]) @ right for actor in actors]
+    moves = _places(across) if line_up else np.zeros(len(actors))
+    placed = tuple(
+        replace(actor, shift=tuple(np.add(actor.shift, move * right[:2])))
+        for actor, move in zip(actors, moves)
+    )
+    route = _calm(np.mean([actor.joints(frames)[:, 0, :2] for actor in placed], axis=0), fps)
+    # As much is to be seen to the left of the way of the camera as to its right.
+    aside = (route @ right[:2])[_some(frames), None]
+    spans = np.array([(x.min(), x.max()) for x in (a + move - aside for a, move in zip(across, moves))])
+    route += 0.5 * (spans[:, 0].min() + spans[:, 1].max()) * right[:2]
+    return at_one_scale([Scene(placed, probe, route, size, fps)])[0]
+
+
+def at_one_scale(scenes: Sequence[Scene]) -> list[Scene]:
+    """Scenes before one camera that is as near as it can be to see all of all of them.
+
+    Raises InputError where there is no scene, or where their pictures differ in size.
+    """
+    sizes = sorted({scene.size for scene in scenes})
+    if len(sizes) != 1:
+        found = ", ".join(f"{width} x {height}" for width, height in sizes) or "no scenes"
+        raise InputError("scenes", found, "pictures of one size", "stage all of them with one size")
+    points = np.concatenate([_seen(scene) for scene in scenes])
+    return [replace(s, camera=s.camera.holding(points, s.size, margin=_MARGIN)) for s in scenes]
 
 
 def stage_runs(
@@ -217,6 +238,21 @@ def _places(across: Sequence[Array]) -> Array:
         apart = float((left.max(axis=1) - right.min(axis=1)).max()) + _GAP
         places.append(places[-1] + max(apart, 0.0))
     return np.array(places) - 0.5 * (places[0] + places[-1])
+
+
+def _some(frames: int) -> Integers:
+    """The frames at which figures are measured."""
+    return np.unique(np.linspace(0, frames - 1, _SAMPLES).round().astype(np.int64))
+
+
+def _seen(scene: Scene) -> Array:
+    """Bodies, labels and floor (n, 3), m, as from over the route."""
+    points = [np.zeros((1, 3))]
+    tags = [_tag(a, scene.frames, scene.fps) + _TAG_HEIGHT for a in scene.actors if a.label]
+    for t in _some(scene.frames):
+        here = [actor.vertices(t) for actor in scene.actors] + [tag[t : t + 1] for tag in tags]
+        points.append(np.concatenate(here) - [*scene.route[t], 0.0])
+    return np.concatenate(points)
 
 
 def _merged(actors: Sequence[Actor], frame: int) -> Triangles:
