@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -90,16 +91,24 @@ def test_no_format_is_left_out() -> None:
     assert {*READERS, "mp4"} == {kind.name for kind in FORMATS}
 
 
-def test_the_ghost_of_a_scene_does_not_jump_and_stays_in_the_picture(run: Run) -> None:
-    size = (200, 150)
-    scene, unmoved = (stage_runs([r], size, source=True, capsules=True) for r in (stepped(run), run))
-    ghost, body = scene.actors
-    track = ghost.joints(scene.frames)[:, 0]
-    steady = unmoved.actors[0].joints(scene.frames)[:, 0]
+def test_the_ghost_of_a_scene_does_not_jump(run: Run) -> None:
+    scene, unmoved = (stage_runs([r], source=True, capsules=True) for r in (stepped(run), run))
+    track, steady = (s.actors[0].joints(s.frames)[:, 0] for s in (scene, unmoved))
     assert np.diff(track, axis=0) == pytest.approx(np.diff(steady, axis=0), abs=1e-9)
-    for frame in (0, BORDER + 1, scene.frames - 1):
+
+
+@pytest.mark.parametrize("way", [(1.5, 0.0), (0.0, 1.5), (0.0, -1.5)])
+def test_a_body_that_drifts_away_and_its_ghost_are_both_in_the_picture(
+    run: Run, way: tuple[float, float]
+) -> None:
+    size = (200, 150)
+    q = run.trajectory.q.copy()
+    q[:, :2] += np.linspace(0.0, 1.0, len(q))[:, None] * way
+    drifting = replace(run, trajectory=replace(run.trajectory, q=q))
+    scene = stage_runs([drifting], size, source=True, capsules=True)
+    for frame in (0, 13, 37, scene.frames - 1):
         camera = scene.camera.follow(scene.route[frame])
-        for actor in (ghost, body):
+        for actor in scene.actors:
             pixels = camera.project(actor.vertices(frame), size)
             assert pixels.min() > 0
             assert (pixels.max(axis=0) < size).all()

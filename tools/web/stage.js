@@ -83,12 +83,13 @@ export async function createStage(canvas, { figures, onChange }) {
     for (const actor of actors) actor.pose(state.time);
   }
 
-  // Where the eye looks: the middle of the figures' hips, or the hips of the one in focus.
+  // Where the eye looks: the middle of the figures' hips, or of the one in focus, with its recording.
   function middle(into) {
     const seen = state.focus === null ? actors : [actors[state.focus]];
     const box = new Box3();
     const at = new Vector3();
-    for (const actor of seen) box.expandByPoint(actor.hips.getWorldPosition(at));
+    const hips = seen.flatMap((actor) => actor.hips.slice(0, state.ghost ? 2 : 1));
+    for (const node of hips) box.expandByPoint(node.getWorldPosition(at));
     box.getCenter(into);
     into.y = 0.5 * into.y + 0.34;
     return { into, width: box.max.x - box.min.x, depth: box.max.z - box.min.z };
@@ -174,7 +175,7 @@ export async function createStage(canvas, { figures, onChange }) {
   function set(name, value) {
     state[name] = value;
     for (const actor of actors) actor.show(state);
-    if (name === "focus" || name === "follow") {
+    if (name === "focus" || name === "follow" || name === "ghost") {
       middle(center);
       if (state.follow) {
         moved.subVectors(center, controls.target);
@@ -205,10 +206,12 @@ async function loadActor({ glb, shift, colour }) {
 
   const surfaces = [];
   const joints = {};
+  const hips = []; // of the simulated figure and of its recording
   gltf.scene.traverse((node) => {
     const { associations } = gltf.parser;
     const index = associations.get(node)?.nodes;
     const name = index === undefined ? "" : gltf.parser.json.nodes[index].name;
+    if (name === "pelvis") hips.push(node);
     if (node.isBone) joints[name] ??= node; // the first skeleton is the simulated one
     if (!node.isMesh) return;
     node.frustumCulled = false; // bounds of a skin are those of its rest pose
@@ -232,7 +235,7 @@ async function loadActor({ glb, shift, colour }) {
 
   return {
     group,
-    hips: byName.pelvis,
+    hips,
     duration: clip.duration,
     pose(time) {
       action.time = Math.min(time, clip.duration * (1 - 1e-6));

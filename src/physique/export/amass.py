@@ -36,8 +36,7 @@ def write_amass(path: PathLike, run: Run, *, source: bool = False) -> Path:
     the shape is not SMPL's. Raises InputError where the file cannot be written.
     """
     path = Path(path)
-    motion = run.trajectory
-    q = motion.source_q if source else motion.q
+    q = run.trajectory.source_q if source else run.trajectory.q
     local = reduced.to_rotations(q[:, 3:7], q[:, 7:])
     vectors = rotations.log(local) @ R_SMPL_FROM_REST.T
     turn = rotations.from_matrix(R_SMPL_FROM_REST.T)

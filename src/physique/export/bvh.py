@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,6 +19,7 @@ Array = NDArray[np.float64]
 #: The world (z up, x forward, y left) as seen in the file's frame (y up, z forward, x left).
 R_FILE_FROM_WORLD: Array = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 _ORDER = "zxy"
+_UNIT = 0.01  # m
 _END = 0.35  # length of an End Site, as a part of its joint's own bone
 
 
@@ -31,9 +31,6 @@ def write_bvh(
     rotations_wxyz: ArrayLike,
     root_positions_m: ArrayLike,
     fps: float,
-    *,
-    unit: float = 0.01,
-    up: Literal["y", "z"] = "y",
 ) -> Path:
     """Write a motion in the world of `physique.skeleton` as a BVH file; `path` comes back.
 
@@ -41,25 +38,22 @@ def write_bvh(
     offsets_m: (J, 3) m, rest position of each joint in its parent's frame; the root's is ignored.
     rotations_wxyz: (T, J, 4) of each joint in its parent's frame, the root's in the world.
     root_positions_m: (T, 3) m, world. fps: frames a second.
-    unit: metres per unit of the file; 0.01 writes centimetres.
-    up: "y" turns the world so that y is up and the person faces +z, which BVH readers expect;
-        "z" leaves it as it is.
-    The root has six channels, the others Zrotation Xrotation Yrotation, in degrees; angles run on
-    through half turns instead of jumping. Raises InputError where values do not fit together or
-    the file cannot be written.
+    The file is in centimetres, y is up and the person faces +z, as BVH readers expect. The root
+    has six channels, the others Zrotation Xrotation Yrotation, in degrees; angles run on through
+    half turns instead of jumping. Raises InputError where values do not fit together or the file
+    cannot be written.
     """
     parent = np.asarray(parents, dtype=int)
     offsets = np.asarray(offsets_m, dtype=float)
     q = np.asarray(rotations_wxyz, dtype=float)
     root = np.asarray(root_positions_m, dtype=float)
-    _check(path, names, parent, offsets, q, root, fps, unit)
-    if up == "y":
-        offsets, root = offsets @ R_FILE_FROM_WORLD.T, root @ R_FILE_FROM_WORLD.T
-        # The same turn seen from other axes: the axis turns, the angle stays.
-        q = np.concatenate([q[..., :1], q[..., 1:] @ R_FILE_FROM_WORLD.T], axis=-1)
+    _check(path, names, parent, offsets, q, root, fps)
+    offsets, root = offsets @ R_FILE_FROM_WORLD.T / _UNIT, root @ R_FILE_FROM_WORLD.T / _UNIT
+    # The same turn seen from other axes: the axis turns, the angle stays.
+    q = np.concatenate([q[..., :1], q[..., 1:] @ R_FILE_FROM_WORLD.T], axis=-1)
     angles = np.degrees(_continuous(rotations.to_euler(_ORDER, rotations.normalize(q))))
-    hierarchy, order = _hierarchy(names, parent, offsets / unit)
-    values = np.concatenate([root / unit, angles[:, order].reshape(len(q), -1)], axis=1)
+    hierarchy, order = _hierarchy(names, parent, offsets)
+    values = np.concatenate([root, angles[:, order].reshape(len(q), -1)], axis=1)
     lines = ["HIERARCHY", *hierarchy]
     lines += ["MOTION", f"Frames: {len(q)}", f"Frame Time: {1.0 / fps:.9g}"]
     # 1e-5 of a degree or of a centimetre is far below what can be seen.
@@ -70,9 +64,8 @@ def write_bvh(
 
 
 def write_run_bvh(path: PathLike, run: Run, *, source: bool = False) -> Path:
-    """Write the simulated motion, or with `source` the source motion, on the run's own skeleton."""
-    motion = run.trajectory
-    q = motion.source_q if source else motion.q
+    """Write the simulated motion, or with `source` the source motion, on the body's own skeleton."""
+    q = run.trajectory.source_q if source else run.trajectory.q
     return write_body_bvh(path, run.body.joints, q, 1.0 / run.timestep)
 
 
@@ -91,7 +84,6 @@ def _check(
     q: Array,
     root: Array,
     fps: float,
-    unit: float,
 ) -> None:
     def require(holds: bool, found: str, expected: str) -> None:
         if not holds:
@@ -116,7 +108,6 @@ def _check(
     length = np.linalg.norm(q, axis=-1)
     require(bool((np.abs(length - 1) < 1e-3).all()), "quaternions not of length 1", "unit ones")
     require(np.isfinite(fps) and fps > 0, f"{fps} frames a second", "a positive number")
-    require(np.isfinite(unit) and unit > 0, f"a unit of {unit} m", "a positive number")
 
 
 def _hierarchy(

@@ -52,28 +52,16 @@ class Format:
         return path
 
 
+_LOOK = ("source", "capsules")
 FORMATS = (
-    Format("glb", (".glb",), "physique.export.gltf:write_glb", ("source", "capsules"), together=True),
+    Format("glb", (".glb",), "physique.export.gltf:write_glb", _LOOK, together=True),
     Format("bvh", (".bvh",), "physique.export.bvh:write_run_bvh", ("source",)),
-    Format(
-        "usd",
-        (".usd", ".usdc", ".usda"),
-        "physique.export.usd:write_usd",
-        ("source", "capsules"),
-        together=True,
-    ),
+    Format("usd", (".usd", ".usdc", ".usda"), "physique.export.usd:write_usd", _LOOK, together=True),
     Format("amass", (".npz",), "physique.export.amass:write_amass", ("source",)),
     Format("mjcf", (".xml", ".mjcf"), "physique.export.mjcf:write_mjcf", ("source", "rate")),
-    Format(
-        "mp4",
-        (".mp4",),
-        "physique.export.video:write_video",
-        ("source", "capsules", "rate", "size"),
-        together=True,
-    ),
+    Format("mp4", (".mp4",), "physique.export.video:write_video", (*_LOOK, "rate", "size"), together=True),
     Format("csv", (".csv",), "physique.export.table:write_table", ("source",)),
 )
-
 #: Formats that other programs make of ours, and how.
 _BY_OTHERS = {"fbx": "write a .glb and give it to Blender: tools/glb_to_fbx.py, see docs/export.md"}
 

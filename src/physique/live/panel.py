@@ -18,7 +18,7 @@ from physique.render import palette
 
 SPEEDS = {"1/10": 0.1, "1/4": 0.25, "1/2": 0.5, "1": 1.0, "2": 2.0}
 RECORDED, LIVE = "the recording", "a live simulation"
-OVER, BESIDE, HIDDEN = "over the body", "beside it", "hidden"
+IN_PLACE, BESIDE, HIDDEN = "in its own place", "beside it", "hidden"
 MOST_LOADED = "the most loaded joint"
 HANDS_OFF = 0.5  # s
 STRENGTH, STRONGEST = 20.0, 200.0  # Ns
@@ -69,7 +69,7 @@ class Panel:
 
     @property
     def ghost(self) -> str:
-        """OVER, BESIDE or HIDDEN."""
+        """IN_PLACE, BESIDE or HIDDEN."""
         return str(self._ghost.value)
 
     @property
@@ -122,7 +122,7 @@ class Panel:
         skinned = any(act.run.mesh is not None for act in self._show.acts)
         with gui.add_folder("Look"):
             self._look = gui.add_dropdown("Body", ("skin", "capsules") if skinned else ("capsules",))
-            self._ghost = gui.add_dropdown("Source motion", (OVER, BESIDE, HIDDEN))
+            self._ghost = gui.add_dropdown("Source motion", (IN_PLACE, BESIDE, HIDDEN))
             self._arrows = gui.add_checkbox("Floor forces", False)
             # Drawn without a GPU they cost more than all the rest.
             shadows = gui.add_checkbox("Shadows", True)

@@ -81,7 +81,8 @@ class Arrow:
     """An arrow at a place. The browser moves it at once, but takes a while to change its shape."""
 
     def __init__(self, scene: Any, name: str, colour: tuple[int, int, int], radius: float) -> None:
-        self._points = np.array([[[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]], dtype=np.float32)
+        # Hardly to be seen, for a browser that shows the arrow before it has the first shape.
+        self._points = np.array([[[0.0, 0.0, 0.0], [0.0, 0.0, 1e-3]]], dtype=np.float32)
         self.node = scene.add_arrows(
             name,
             self._points,
