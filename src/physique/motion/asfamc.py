@@ -12,7 +12,7 @@ from physique import rotations as rot
 from physique.errors import InputError
 from physique.motion.clip import Clip, rest_tracks
 from physique.motion.reader import Reader
-from physique.motion.text import Line, first_words, joined, read_lines, shown
+from physique.motion.text import Line, first_words, joined, read_lines, shown, unreadable
 
 Array = NDArray[np.float64]
 INCH = 0.0254
@@ -52,9 +52,7 @@ def find_asf(amc: Path) -> Path:
     try:
         beside = sorted(path for path in amc.parent.iterdir() if path.suffix.lower() == ".asf")
     except OSError as error:
-        raise InputError(
-            str(amc.parent), error.strerror or "an unreadable folder", "an .asf file", "check its permissions"
-        ) from error
+        raise unreadable(amc.parent, error, "a folder with an .asf file") from error
     parts = amc.stem.split("_")
     for stem in ("_".join(parts[:n]) for n in range(len(parts), 0, -1)):
         for path in beside:

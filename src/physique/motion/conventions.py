@@ -13,7 +13,7 @@ from typing import Any
 
 from physique.errors import InputError
 from physique.motion.clip import Clip
-from physique.motion.text import decode, joined, shown
+from physique.motion.text import decode, joined, shown, unreadable
 
 _SIDED = ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")
 REQUIRED: tuple[str, ...] = (
@@ -56,9 +56,7 @@ def read_mapping(path: Path) -> Mapping:
     try:
         table = tomllib.loads(decode(path.read_bytes()))
     except OSError as error:
-        raise InputError(
-            str(path), error.strerror or "an unreadable file", "a mapping file", "check the path"
-        ) from error
+        raise unreadable(path, error, "a mapping file") from error
     except (ValueError, RecursionError) as error:  # also of numbers too long and brackets too deep
         raise InputError(
             str(path), f"text that is not TOML ({error})", "a mapping file", "correct the line"

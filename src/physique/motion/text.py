@@ -84,15 +84,19 @@ def read_lines(path: Path, what: str, comment: str | None = None) -> list[Line]:
             raise InputError(str(path), "more than 1 GiB", what, "cut the recording into parts")
         text = decode(path.read_bytes())
     except OSError as error:
-        raise InputError(
-            str(path), error.strerror or "an unreadable file", what, "check the path and its permissions"
-        ) from error
+        raise unreadable(path, error, what) from error
     text = text.rstrip().rstrip("\x1a")  # DOS ended texts with Ctrl-Z
     if not text.strip():
         raise InputError(str(path), "an empty file", what, "copy or export the file anew")
     if "\0" in text:
         raise InputError(str(path), "binary data", what, "export the file as text, in UTF-8")
     return list(_lines(path, text, comment))
+
+
+def unreadable(path: Path, error: OSError, what: str) -> InputError:
+    """What to raise where the system does not let `what` be read."""
+    found = error.strerror or "an unreadable file"
+    return InputError(str(path), found, what, "check the path and its permissions")
 
 
 def _lines(path: Path, text: str, comment: str | None) -> Iterator[Line]:
