@@ -128,6 +128,17 @@ def test_from_euler(order: str) -> None:
     assert_same(rotations.from_euler(order, angles).reshape(-1, 4), wxyz(theirs))
 
 
+@pytest.mark.parametrize("order", ["zxy", "xyz"])
+def test_unwrapped_angles_run_on_through_half_turns(order: str) -> None:
+    """Two somersaults about each axis come back as they were, from principal values."""
+    way = np.zeros((3, 90, 3))
+    for k in range(3):
+        way[k, :, k] = np.linspace(0.0, 4 * np.pi, 90)
+    way = np.swapaxes(way, 0, 1)  # (T, 3 joints, 3)
+    found = rotations.unwrap_euler(rotations.to_euler(order, rotations.from_euler(order, way)))
+    np.testing.assert_allclose(found, way, atol=1e-6)
+
+
 def test_to_euler_wants_three_axes() -> None:
     with pytest.raises(ValueError, match="'zxz' must name three different axes"):
         rotations.to_euler("zxz", rotations.IDENTITY)

@@ -168,6 +168,22 @@ def to_euler(order: str, q: Array) -> Array:
     return np.stack([first, middle, last], axis=-1)
 
 
+def unwrap_euler(angles: Array) -> Array:
+    """Tait-Bryan angles (T, ..., 3), rad, of the same rotations, each nearest to the frame before.
+
+    A rotation has two triples, (a, b, c) and (a + pi, pi - b, c + pi), each up to whole turns:
+    taking principal values jumps between them.
+    """
+    out = angles.copy()
+    mirror = np.array([1.0, -1.0, 1.0])
+    for t in range(1, len(out)):
+        choices = np.stack([out[t], mirror * out[t] + np.pi])
+        choices += 2 * np.pi * np.rint((out[t - 1] - choices) / (2 * np.pi))
+        best = np.abs(choices - out[t - 1]).sum(-1).argmin(0)
+        out[t] = np.take_along_axis(choices, best[None, ..., None], axis=0)[0]
+    return out
+
+
 def slerp(a: Array, b: Array, t: Array) -> Array:
     """Rotations (..., 4) a fraction t (...) of the shortest way from a to b."""
     return normalize(multiply(a, exp(np.asarray(t)[..., None] * log(multiply(conjugate(a), b)))))

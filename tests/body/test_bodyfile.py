@@ -3,11 +3,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+from damage import fixed, value_or_one_line
 from physique.body.bodyfile import load_body, save_body
 from physique.body.capsule_body import CapsuleBody
 from physique.body.mesh import BodyMesh
 from physique.errors import InputError
+from physique.store import read_npz, write_npz
 
 Person = Callable[[str], tuple[BodyMesh, CapsuleBody]]
 
@@ -59,6 +63,8 @@ def change(path: Path, **arrays: object) -> None:
         ({"part_inertia": np.zeros((22, 3, 3))}, "part_inertia: found moments"),
         ({"part_rotation": np.zeros((22, 3, 3))}, "part_rotation: found a matrix"),
         ({"excluded": np.array([[0, 22]])}, "excluded: found numbers 0 to 22"),
+        ({"part_size": np.full((22, 3), -0.1)}, "part_size: found a size that is not positive"),
+        ({"part_inertia": np.full((22, 3, 3), 1e200)}, "part_inertia: found a number that is not finite"),
         ({"height": np.array(-1.0)}, "height: found a number that is not positive"),
     ],
 )
@@ -68,6 +74,39 @@ def test_damaged_files_are_refused(saved: Path, arrays: dict[str, object], text:
         load_body(saved)
     assert text in str(caught.value)
     assert str(saved) in str(caught.value)
+
+
+@pytest.fixture(scope="module")
+def stored(person: Person, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, np.ndarray]]:
+    """A path, and the arrays of a good file of capsules."""
+    path = tmp_path_factory.mktemp("body") / "capsules.npz"
+    save_body(path, None, person("average")[1])
+    return path, read_npz(path)
+
+
+@settings(fixed, max_examples=150)
+@given(data=st.data())
+def test_a_body_or_one_line(stored: tuple[Path, dict[str, np.ndarray]], data: st.DataObject) -> None:
+    """One array missing, of another type or shape, or with an odd number in it."""
+    path, arrays = stored[0], dict(stored[1])
+    name = data.draw(st.sampled_from(sorted(arrays)))
+    odd = [np.nan, np.inf, 1e300, -1e300, -1.0, 0.0, 1e-300, "", "\0", True, 2**63, -1, 10**6]
+    value = np.array(data.draw(st.sampled_from(odd)))
+    array = arrays.pop(name)
+    how = data.draw(st.integers(0, 4))
+    if how == 1 and array.size and array.dtype.kind in "fi" and value.dtype.kind in "fi":
+        array = array.astype(value.dtype)
+        array.flat[data.draw(st.integers(0, array.size - 1))] = value
+    elif how == 2:
+        array = value
+    elif how == 3:
+        array = array[..., None]
+    elif how == 4:
+        array = np.zeros((0, *array.shape))
+    write_npz(path, arrays if how == 0 else {**arrays, name: array}, compressed=False)
+    made = value_or_one_line(lambda: load_body(path))
+    if made is not None:
+        assert all(np.isfinite(part.inertia).all() and part.size[0] > 0 for part in made[1].parts)
 
 
 def test_missing_array(saved: Path) -> None:

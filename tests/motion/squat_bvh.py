@@ -71,6 +71,7 @@ class Convention:
     lead_in_tpose: bool = False
     order: str = "ZXY"
     header_fps: float = 30.0
+    frames: int = 61
 
 
 def body_rotations(flex: float, lift: float) -> dict[str, Rotation]:
@@ -136,7 +137,7 @@ def write_squat(path: Path, c: Convention) -> None:
         lines.append(f"{pad}}}")
 
     write("pelvis", 0)
-    flex, lift = squat()
+    flex, lift = squat(c.frames)
     poses = [(*pair, heading) for pair in zip(flex, lift, strict=True)]
     if c.lead_in_tpose:
         poses.insert(0, (0.0, 0.0, Rotation.identity()))

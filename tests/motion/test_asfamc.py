@@ -142,7 +142,7 @@ def test_damaged_motion(tmp_path: Path, old: str, new: str, message: str) -> Non
         ("length 0.45", "length", "line 5: found 0 values for length; expected 1"),
         ("angle deg", "angle", "line 6: found 'angle'; expected deg or rad"),
         ("   axis XYZ", "   axis", "line 9: found 'axis'; expected XYZ"),
-        ("   axis XYZ", "   axis ZYX", "line 9: found root axis ZYX"),
+        ("   axis XYZ", "   axis ZYX", "line 9: found root axis 'ZYX'"),
         ("position 0 0 0", "position 0 0", "line 10: found 2 values for position"),
         ("name thigh", "name", "line 15: found 'name'; expected the bone's name"),
         ("axis 0 0 90 XYZ", "axis 0 0", "line 18: found 2 values for axis; expected 3"),

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from physique import rotations as rot
 from physique.motion.clip import Motion
-from physique.motion.filter import continuous, low_pass, repair_spikes, resample
+from physique.motion.filter import low_pass, repair_spikes, resample
 from physique.motion.kinematics import joint_positions
 from physique.motion.read import read_motion
 
@@ -56,7 +56,7 @@ def test_the_sign_of_a_quaternion_does_not_matter() -> None:
     flipped[::2] *= -1
     plain, other = low_pass(motion, 8.0), low_pass(replace(motion, rotations=flipped), 8.0)
     np.testing.assert_allclose(plain.rotations, other.rotations, atol=1e-12)
-    steps = np.sum(continuous(flipped)[1:] * continuous(flipped)[:-1], axis=-1)
+    steps = np.sum(rot.continuous(flipped)[1:] * rot.continuous(flipped)[:-1], axis=-1)
     assert steps.min() > 0
 
 

@@ -110,6 +110,15 @@ def test_trimming_keeps_the_floor_and_faces_forward() -> None:
     for start, end in ((-1.0, None), (2.0, 1.0), (1.0, 1.0), (0.0, 60.0), (float("nan"), None)):
         with pytest.raises(InputError, match=r"0 <= start < end <= 3\.80 s"):
             read_motion("walk", start=start, end=end)
+    with pytest.raises(InputError, match=r"two frames, 0\.033 s; move them apart"):
+        read_motion("walk", start=1.0, end=1.01)
+
+
+def test_a_single_frame_is_called_so(tmp_path: Path) -> None:
+    path = tmp_path / "squat.bvh"
+    write_squat(path, Convention(frames=1))
+    with pytest.raises(InputError, match="found a single frame; expected a motion of two frames or more"):
+        read_motion(path, end=1.0)
 
 
 def test_what_is_no_clip(tmp_path: Path) -> None:
@@ -123,8 +132,8 @@ def test_what_is_no_clip(tmp_path: Path) -> None:
         read_motion(other)
     with pytest.raises(InputError, match="no such file or embedded clip"):
         read_motion("x" * 5000)
-    with pytest.raises(InputError, match="positive cut-off"):
-        read_motion("walk", low_pass=0.0)
+    with pytest.raises(InputError, match=r"cut-off of 0\.1 Hz"):
+        read_motion("walk", low_pass=1e-300)
 
 
 def test_reading_is_deterministic() -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from squat_bvh import Convention, body_positions, body_rotations, grounded_root, squat, write_squat
+from squat_bvh import MIXAMO, Convention, body_positions, body_rotations, grounded_root, squat, write_squat
 
 from physique import rotations as rot
 from physique.errors import InputError
@@ -109,6 +109,9 @@ def test_unknown_skeleton_lists_joints_and_remedy(tmp_path: Path) -> None:
         ("unit = 0.01", "unit = 0.1", "a person of 17"),
         ("unit = 0.01", "unit = -1", "the unit -1"),
         ("unit = 0.01", "units_m = 1", "the key 'units_m'"),
+        ("unit = 0.01", "unit = nan", "the unit nan"),
+        ("unit = 0.01", "tpose = " + "9" * 5000, "text that is not TOML"),
+        ("unit = 0.01", "units = " + "[" * 5000, "text that is not TOML"),
         ('up = "y"', 'up = "x"', "up = 'x'"),
         ('up = "y"', "up = y", "text that is not TOML"),
         ("[joints]", "[bones]", "the key 'bones'"),
@@ -124,6 +127,28 @@ def test_unknown_skeleton_lists_joints_and_remedy(tmp_path: Path) -> None:
         mapping.write_text(good.replace(old, new, 1))
         with pytest.raises(InputError, match=message.replace("[", r"\[")):
             read_motion(path, mapping=mapping)
+
+
+def test_hips_in_one_place_are_refused(tmp_path: Path) -> None:
+    names = {**MIXAMO, "left_hip": "Hips", "right_hip": "Hips"}
+    mapping = tmp_path / "odd.toml"
+    mapping.write_text("[joints]\n" + "".join(f'{k} = "{v}"\n' for k, v in names.items() if k != "chest"))
+    path = tmp_path / "squat.bvh"
+    write_squat(path, Convention())
+    with pytest.raises(InputError, match="hips that are not beside each other"):
+        read_motion(path, mapping=mapping)
+
+
+@pytest.mark.parametrize("length", [0.0, 1e-12])
+def test_bones_without_length_are_refused(tmp_path: Path, length: float) -> None:
+    path = tmp_path / "squat.bvh"
+    write_squat(path, Convention())
+    lines = path.read_text().splitlines()
+    shin = next(i for i, line in enumerate(lines) if line.split()[-1:] == ["LeftFoot"])
+    lines[shin + 2] = f"OFFSET 0 {length} 0"
+    path.write_text("\n".join(lines))
+    with pytest.raises(InputError, match="no distance between left knee and left ankle"):
+        read_motion(path)
 
 
 @pytest.mark.parametrize("units_per_meter", [1e-6, 1e-2, 1e4, 1e9])

@@ -41,6 +41,7 @@ SKIN: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "surface": ("b", ("V",)),
     "volume": ("f", ()),
 }
+_LARGEST = 1e9
 REMEDY = "write the file with `physique body --out`"
 
 
@@ -132,8 +133,8 @@ def _check(source: Path, data: dict[str, Array]) -> None:
         kinds = {"i": "iu", "f": "f"}.get(kind, kind)
         if array.dtype.kind not in kinds:
             fail(name, f"type {array.dtype}", f"type {kind}")
-        if kind == "f" and not np.isfinite(array).all():
-            fail(name, "a number that is not finite", "finite numbers")
+        if kind == "f" and not (np.abs(array) < _LARGEST).all():  # nan is not
+            fail(name, "a number that is not finite", "finite numbers below 1e9")
     if str(data["format"]) != FORMAT:
         fail("format", repr(str(data["format"])), repr(FORMAT))
     limits = {"part_shape": len(SHAPES), "excluded": len(JOINTS)}
@@ -155,5 +156,8 @@ def _check(source: Path, data: dict[str, Array]) -> None:
     turn = data["part_rotation"].astype(float)
     if np.abs(turn @ turn.transpose(0, 2, 1) - np.eye(3)).max() > 1e-6 or (np.linalg.det(turn) < 0).any():
         fail("part_rotation", "a matrix that is no rotation", "rotations")
+    size = data["part_size"].astype(float)
+    if not (size >= 0).all() or not (size[:, 0] > 0).all():
+        fail("part_size", "a size that is not positive", "positive radii and half extents, m")
     if "weights" in layout and np.abs(data["weights"].sum(axis=1) - 1.0).max() > 1e-3:
         fail("weights", "rows that do not sum to 1", "rows that sum to 1")

@@ -51,7 +51,7 @@ def write_bvh(
     offsets, root = offsets @ R_FILE_FROM_WORLD.T / _UNIT, root @ R_FILE_FROM_WORLD.T / _UNIT
     # The same turn seen from other axes: the axis turns, the angle stays.
     q = np.concatenate([q[..., :1], q[..., 1:] @ R_FILE_FROM_WORLD.T], axis=-1)
-    angles = np.degrees(_continuous(rotations.to_euler(_ORDER, rotations.normalize(q))))
+    angles = np.degrees(rotations.unwrap_euler(rotations.to_euler(_ORDER, rotations.normalize(q))))
     hierarchy, order = _hierarchy(names, parent, offsets)
     values = np.concatenate([root, angles[:, order].reshape(len(q), -1)], axis=1)
     lines = ["HIERARCHY", *hierarchy]
@@ -140,19 +140,3 @@ def _hierarchy(
 
 def _row(v: Array) -> str:
     return " ".join(f"{x:.6f}" for x in v + 0.0)
-
-
-def _continuous(angles: Array) -> Array:
-    """Euler angles (T, J, 3), rad, of the same rotations without jumps in time.
-
-    Each rotation has two triples, (a, b, c) and (a + pi, pi - b, c + pi), each up to whole turns;
-    take the one nearer to the frame before.
-    """
-    out = angles.copy()
-    sign = np.array([1.0, -1.0, 1.0])
-    for t in range(1, len(out)):
-        choices = np.stack([out[t], sign * out[t] + np.pi])
-        choices += 2 * np.pi * np.rint((out[t - 1] - choices) / (2 * np.pi))
-        best = np.abs(choices - out[t - 1]).sum(-1).argmin(0)
-        out[t] = np.take_along_axis(choices, best[None, :, None], axis=0)[0]
-    return out

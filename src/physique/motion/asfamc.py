@@ -12,7 +12,7 @@ from physique import rotations as rot
 from physique.errors import InputError
 from physique.motion.clip import Clip, rest_tracks
 from physique.motion.reader import Reader
-from physique.motion.text import Line, first_words, joined, read_lines
+from physique.motion.text import Line, first_words, joined, read_lines, shown, unreadable
 
 Array = NDArray[np.float64]
 INCH = 0.0254
@@ -52,9 +52,7 @@ def find_asf(amc: Path) -> Path:
     try:
         beside = sorted(path for path in amc.parent.iterdir() if path.suffix.lower() == ".asf")
     except OSError as error:
-        raise InputError(
-            str(amc.parent), error.strerror or "an unreadable folder", "an .asf file", "check its permissions"
-        ) from error
+        raise unreadable(amc.parent, error, "a folder with an .asf file") from error
     parts = amc.stem.split("_")
     for stem in ("_".join(parts[:n]) for n in range(len(parts), 0, -1)):
         for path in beside:
@@ -159,7 +157,7 @@ def _read_root(lines: list[Line]) -> _Bone:
         if line.key == "order":
             root.dof = _channels(line)
         elif line.key == "axis" and line.word(1, "XYZ").upper() != "XYZ":
-            raise line.error(f"root axis {line.words[1]}", "XYZ", "export the skeleton with that axis order")
+            raise line.error(f"root axis {shown(line.words[1])}", "XYZ", "export it with that axis order")
         elif line.key in ("position", "orientation") and any(line.numbers(1, line.key, 3)):
             remedy = "write zeros there, if the root may move so, or export the file anew"
             raise line.error(f"a root {line.key} that is not zero", "0 0 0", remedy)
@@ -176,7 +174,7 @@ def _read_bones(lines: list[Line], degrees: bool) -> list[_Bone]:
                 raise line.error("'begin' inside a bone", "'end' first")
             bone = _Bone("", np.zeros(3))
         elif bone is None:
-            raise line.error(f"{line.words[0][:40]!r} outside a bone", "'begin'")
+            raise line.error(f"{shown(line.words[0])} outside a bone", "'begin'")
         elif line.key == "name":
             bone.name = line.word(1, "the bone's name")
         elif line.key == "direction":
@@ -190,7 +188,7 @@ def _read_bones(lines: list[Line], degrees: bool) -> list[_Bone]:
         elif line.key == "end":
             if not bone.name or bone.name in names:
                 raise line.error(
-                    f"bone name {bone.name!r} missing or twice",
+                    f"bone name {shown(bone.name)} missing or twice",
                     "a different name for every bone",
                     "rename it",
                 )
@@ -198,7 +196,7 @@ def _read_bones(lines: list[Line], degrees: bool) -> list[_Bone]:
             bones.append(bone)
             bone = None
     if bone is not None:
-        raise lines[-1].error(f"bone {bone.name!r} without an end", "'end' after each bone")
+        raise lines[-1].error(f"bone {shown(bone.name)} without an end", "'end' after each bone")
     return bones
 
 
@@ -206,7 +204,7 @@ def _axis(line: Line, degrees: bool) -> Array:
     """(4,) world from the bone's frame, of "axis 0 0 90 XYZ"."""
     order = line.words[4].lower() if len(line.words) > 4 else "xyz"
     if sorted(order) != ["x", "y", "z"]:
-        raise line.error(f"axis order {order[:40]!r}", "XYZ in any order")
+        raise line.error(f"axis order {shown(order)}", "XYZ in any order")
     angles = np.array(Line(line.path, line.number, line.words[:4]).numbers(1, "axis", 3))
     # The first named axis turns first, so the last is the outermost.
     return rot.from_euler(order[::-1], (np.radians(angles) if degrees else angles)[::-1])
@@ -215,7 +213,7 @@ def _axis(line: Line, degrees: bool) -> Array:
 def _channels(line: Line) -> tuple[str, ...]:
     channels = tuple(word.lower() for word in line.words[1:])
     if bad := [c for c in channels if c not in _CHANNELS or channels.count(c) > 1]:
-        raise line.error(f"channel {bad[0][:40]!r}", "tx ty tz rx ry rz l, each once")
+        raise line.error(f"channel {shown(bad[0])}", "tx ty tz rx ry rz l, each once")
     return channels
 
 
@@ -228,11 +226,11 @@ def _link(bones: list[_Bone], lines: list[Line]) -> list[bool]:
             continue
         for word in line.words:
             if word not in index:
-                raise line.error(f"bone {word[:40]!r}", "a bone of :bonedata", "correct the hierarchy")
+                raise line.error(f"bone {shown(word)}", "a bone of :bonedata", "correct the hierarchy")
         for child in (index[word] for word in line.words[1:]):
             if linked[child]:
                 raise line.error(
-                    f"bone {bones[child].name!r} below a second bone",
+                    f"bone {shown(bones[child].name)} below a second bone",
                     "one parent for every bone, none for the root",
                     "correct the hierarchy",
                 )
@@ -276,19 +274,19 @@ def _read_amc(path: Path, lines: list[Line], skeleton: _Skeleton) -> tuple[list[
             _check_complete(path, frames, needed)
             frames.append({})
         elif not frames:
-            raise line.error(f"{name[:40]!r}", "a frame number first", "check that this is an .amc file")
+            raise line.error(f"{shown(name)}", "a frame number first", "check that this is an .amc file")
         else:
             bone = bones.get(name)
             if bone is None or name in frames[-1]:
                 raise line.error(
-                    f"bone {name[:40]!r} in frame {len(frames)}",
+                    f"bone {shown(name)} in frame {len(frames)}",
                     "each bone of the .asf once a frame",
                     "check that the .asf and .amc belong together",
                 )
-            values = line.numbers(1, f"{name!r}")
+            values = line.numbers(1, shown(name))
             if len(values) != len(bone.dof):
                 raise line.error(
-                    f"{len(values)} values for {name!r}", f"{len(bone.dof)}, as its dof line in the .asf"
+                    f"{len(values)} values for {shown(name)}", f"{len(bone.dof)}, as its dof line in the .asf"
                 )
             frames[-1][name] = values
     if not frames:
@@ -307,7 +305,7 @@ def _check_complete(path: Path, frames: list[dict[str, list[float]]], needed: se
     if frames and (missing := needed - frames[-1].keys()):
         raise InputError(
             f"{path}, frame {len(frames)}",
-            f"no values for {sorted(missing)[0]!r}",
+            f"no values for {shown(sorted(missing)[0])}",
             "every bone in every frame",
             "the file is cut off or damaged: copy it anew",
         )

@@ -13,7 +13,7 @@ from physique import rotations as rot
 from physique.errors import InputError
 from physique.motion.clip import Clip, rest_tracks
 from physique.motion.reader import Reader
-from physique.motion.text import LARGEST, Line, first_words, read_lines
+from physique.motion.text import LARGEST, Line, first_words, read_lines, shown
 
 Array = NDArray[np.float64]
 
@@ -87,7 +87,7 @@ class _Hierarchy:
                 self._add_channels(node, line)
         elif line.key != "hierarchy":
             raise line.error(
-                f"{' '.join(line.words)[:60]!r}",
+                shown(" ".join(line.words)),
                 "HIERARCHY, ROOT, JOINT, OFFSET, CHANNELS, End Site or MOTION",
                 "check that this is a BVH file",
             )
@@ -98,7 +98,7 @@ class _Hierarchy:
             raise motion.error("MOTION inside an open '{'", "a '}' for every '{'", _FIX)
         for node in self.nodes:
             if node.offset is None:
-                raise node.line.error(f"joint {node.name!r} without OFFSET", "an OFFSET line")
+                raise node.line.error(f"joint {shown(node.name)} without OFFSET", "an OFFSET line")
 
     def _add_joint(self, line: Line) -> None:
         parent = self._open[-1] if self._open else -1
@@ -114,7 +114,7 @@ class _Hierarchy:
             above.ends += 1
             name = f"{above.name} end" if above.ends == 1 else f"{above.name} end {above.ends}"
         if not name or name in self._names:
-            found = f"the joint name {name[:60]!r} twice" if name else "no name"
+            found = f"the joint name {shown(name)} twice" if name else "no name"
             raise line.error(found, "a different name for every joint", "rename the joint")
         self._names.add(name)
         self._pending = len(self.nodes)
@@ -123,12 +123,11 @@ class _Hierarchy:
     def _add_channels(self, node: _Node, line: Line) -> None:
         names = line.words[2:]
         if line.count(1, "a number of channels") != len(names):
-            found = f"{' '.join(line.words)[:80]!r}"
-            raise line.error(found, "CHANNELS, a count, that many names")
+            raise line.error(shown(" ".join(line.words)), "CHANNELS, a count, that many names")
         for column, name in enumerate(names, start=self.channels):
             axis, kind = name[:1].lower(), name[1:].lower()
             if axis not in ("x", "y", "z") or kind not in ("position", "rotation"):
-                raise line.error(f"channel {name[:40]!r}", "Xposition, ... or Xrotation, ...")
+                raise line.error(f"channel {shown(name)}", "Xposition, ... or Xrotation, ...")
             if axis in (node.position_axes if kind == "position" else node.rotation_axes):
                 raise line.error(f"channel {name!r} twice", "each channel once")
             if kind == "position":

@@ -13,6 +13,7 @@ from typing import Any
 
 from physique.errors import InputError
 from physique.motion.clip import Clip
+from physique.motion.text import decode, joined, shown, unreadable
 
 _SIDED = ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")
 REQUIRED: tuple[str, ...] = (
@@ -53,12 +54,10 @@ def read_mapping(path: Path) -> Mapping:
     Raises InputError for a file that is not TOML or has unknown keys or values.
     """
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        table = tomllib.loads(decode(path.read_bytes()))
     except OSError as error:
-        raise InputError(
-            str(path), error.strerror or "an unreadable file", "a mapping file", "check the path"
-        ) from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise unreadable(path, error, "a mapping file") from error
+    except (ValueError, RecursionError) as error:  # also of numbers too long and brackets too deep
         raise InputError(
             str(path), f"text that is not TOML ({error})", "a mapping file", "correct the line"
         ) from error
@@ -68,7 +67,7 @@ def read_mapping(path: Path) -> Mapping:
 def _parse(table: dict[str, Any], name: str, place: str) -> Mapping:
     if unknown := [key for key in table if key not in _SETTINGS]:
         raise InputError(
-            place, f"the key {unknown[0]!r}", f"one of {', '.join(_SETTINGS)}", "correct the key"
+            place, f"the key {shown(unknown[0])}", f"one of {', '.join(_SETTINGS)}", "correct the key"
         )
     joints = table.get("joints")
     if not isinstance(joints, dict):
@@ -80,14 +79,14 @@ def _parse(table: dict[str, Any], name: str, place: str) -> Mapping:
         if key not in REQUIRED + OPTIONAL:
             raise InputError(
                 place,
-                f"the body joint {key!r}",
+                f"the body joint {shown(key)}",
                 f"one of {', '.join(REQUIRED + OPTIONAL)}",
                 "correct the name",
             )
         chain = [value] if isinstance(value, str) else value
         if not isinstance(chain, list) or not chain or not all(isinstance(c, str) for c in chain):
             raise InputError(
-                place, f"{key} = {value!r}", "a joint name or a list of them", "put the names in quotes"
+                place, f"{key} = {shown(value)}", "a joint name or a list of them", "put the names in quotes"
             )
         chains[key] = tuple(chain)
     if missing := [key for key in REQUIRED if key not in chains]:
@@ -98,19 +97,20 @@ def _parse(table: dict[str, Any], name: str, place: str) -> Mapping:
             "add them under [joints]",
         )
     unit, units = table.get("unit"), table.get("units", [])
-    for value in ([] if unit is None else [unit]) + (units if isinstance(units, list) else [units]):
+    units = units if isinstance(units, list) else [units]
+    for value in [*([] if unit is None else [unit]), *units]:
         if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0 < value < 1e3:
             raise InputError(
-                place, f"the unit {value!r}", "metres per file unit, such as 0.01", "correct the value"
+                place, f"the unit {shown(value)}", "metres per file unit, such as 0.01", "correct the value"
             )
     if table.get("up") not in (None, "y", "z"):
-        raise InputError(place, f"up = {table['up']!r}", 'up = "y" or up = "z"', "correct it")
+        raise InputError(place, f"up = {shown(table['up'])}", 'up = "y" or up = "z"', "correct it")
     tpose = table.get("tpose", "auto")
     if isinstance(tpose, bool) or not (
         tpose in ("auto", "offsets") or (isinstance(tpose, int) and tpose >= 0)
     ):
         raise InputError(
-            place, f"tpose = {tpose!r}", '"auto", "offsets" or a frame number from 0', "correct it"
+            place, f"tpose = {shown(tpose)}", '"auto", "offsets" or a frame number from 0', "correct it"
         )
     return Mapping(name, chains, tuple(units), unit, table.get("up"), tpose)
 
@@ -189,10 +189,10 @@ def recognize(clip: Clip) -> tuple[Mapping, dict[str, tuple[int, ...]]]:
         if best is None or _joint_count(found) > _joint_count(best[1]):
             best = (mapping, found)
     if best is None:
-        names = [name for name in clip.joints if not name.endswith(" end")]
+        names = [name for name in clip.joints if not re.search(r" end( \d+)?$", name)]
         raise InputError(
             clip.source,
-            f"an unknown skeleton with the joints {', '.join(names)}",
+            f"an unknown skeleton with the joints {joined(names)}",
             f"one of the conventions {', '.join(m.name for m in known_conventions())}",
             "write a mapping file as docs/motion.md shows and pass --mapping FILE.toml",
         )
@@ -210,8 +210,8 @@ def apply_mapping(mapping: Mapping, clip: Clip) -> dict[str, tuple[int, ...]]:
             if not any(n in clip.joints or plain_name(n) in plain for n in names.split("|")):
                 raise InputError(
                     f"mapping {mapping.name!r}, {body}",
-                    f"the joint {names!r}",
-                    f"a joint of {clip.source}: {', '.join(clip.joints)}",
+                    f"the joint {shown(names)}",
+                    f"a joint of {clip.source}: {joined(clip.joints)}",
                     "correct the name",
                 )
     found = resolve(mapping, clip)

@@ -21,13 +21,6 @@ _SPIKE_LENGTH, _SPIKE_PULL = 0.08, 200.0  # m, m/s2
 _LONGEST_SPIKE = 3  # frames
 
 
-def continuous(q: Array) -> Array:
-    """The same rotations (T, ..., 4) with signs chosen so that neighbours in time are close."""
-    dots = np.sum(q[1:] * q[:-1], axis=-1, keepdims=True)
-    signs = np.cumprod(np.where(dots < 0, -1.0, 1.0), axis=0)
-    return np.concatenate([q[:1], q[1:] * signs])
-
-
 def low_pass(motion: Motion, cutoff: float) -> Motion:
     """The motion without what is faster than `cutoff` Hz: zero-phase Butterworth, 4th order.
 
@@ -39,7 +32,7 @@ def low_pass(motion: Motion, cutoff: float) -> Motion:
         return motion
     sos = butter(2, cutoff, fs=motion.fps, output="sos")
     pad = min(motion.frames - 1, int(np.ceil(motion.fps / cutoff)))
-    smooth = sosfiltfilt(sos, continuous(motion.rotations), axis=0, padlen=pad)
+    smooth = sosfiltfilt(sos, rot.continuous(motion.rotations), axis=0, padlen=pad)
     root = sosfiltfilt(sos, motion.root, axis=0, padlen=pad)
     return replace(motion, rotations=rot.normalize(smooth), root=root)
 

@@ -58,9 +58,9 @@ def read_motion(
         if not (np.isfinite(fps) and 1 <= fps <= 10000):
             raise InputError("fps", f"{fps:g}", "1 to 10000 frames a second", "correct the value")
         source = replace(source, fps=float(fps))
-    if low_pass is not None and not (np.isfinite(low_pass) and low_pass > 0):
+    if low_pass is not None and not (np.isfinite(low_pass) and low_pass >= 0.1):
         raise InputError(
-            "low_pass", f"{low_pass:g}", "a positive cut-off in Hz, or None", "correct the value"
+            "low_pass", f"{low_pass:g}", "a cut-off of 0.1 Hz or more, or None", "correct the value"
         )
     if mapping is None:
         names, joints = recognize(source)
@@ -89,14 +89,14 @@ def trim(motion: Motion, start: float | None = None, end: float | None = None) -
         )
     first = 0.0 if start is None else start
     last = motion.seconds if end is None else end
+    found = f"start {first:g} s and end {last:g} s"
     if not (0 <= first < last <= motion.seconds + 1.0 / motion.fps):
-        raise InputError(
-            motion.source,
-            f"start {first:g} s and end {last:g} s",
-            f"0 <= start < end <= {motion.seconds:.2f} s",
-            "correct them",
-        )
-    keep = slice(round(first * motion.fps), round(last * motion.fps) + 1)
+        expected = f"0 <= start < end <= {motion.seconds:.2f} s"
+        raise InputError(motion.source, found, expected, "correct them")
+    keep = slice(round(first * motion.fps), min(round(last * motion.fps) + 1, motion.frames))
+    if keep.stop - keep.start < 2:
+        expected = f"a part of at least two frames, {1.0 / motion.fps:.2g} s"
+        raise InputError(motion.source, found, expected, "move them apart")
     return replace(
         motion, rotations=motion.rotations[keep], root=motion.root[keep], contacts=motion.contacts[keep]
     )

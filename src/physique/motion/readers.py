@@ -8,6 +8,7 @@ from pathlib import Path
 from physique.errors import InputError
 from physique.motion import asfamc, bvh
 from physique.motion.reader import Reader
+from physique.motion.text import unreadable
 
 #: A new format is one file that ends with its `Reader`, and its name here.
 READERS: tuple[Reader, ...] = (bvh.READER, asfamc.READER)
@@ -37,12 +38,7 @@ def choose_reader(path: Path) -> Reader:
         with path.open("rb") as file:
             head = file.read(_HEAD)
     except OSError as error:
-        raise InputError(
-            str(path),
-            error.strerror or "an unreadable file",
-            "a motion file",
-            "check the path and its permissions",
-        ) from error
+        raise unreadable(path, error, "a motion file") from error
     named = by_suffix(path)
     fitting = [reader for reader in READERS if reader.recognises(head, path)]
     if named is not None and (named in fitting or not fitting):

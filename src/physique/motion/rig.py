@@ -237,9 +237,8 @@ class _Performer:
         """(3,) from the wrist to the fingers, thumb left out; the forearm's where there is none."""
         start = self._joints[f"{side}_wrist"][-1]
         ends = [i for i in self._children(start) if "thumb" not in self._clip.joints[i].lower()]
-        if not ends:
-            return forearm
-        return np.asarray(np.mean(self._file[ends], axis=0) - self._file[start])
+        hand = np.mean(self._file[ends], axis=0) - self._file[start] if ends else np.zeros(3)
+        return np.asarray(hand) if np.linalg.norm(hand) > 1e-6 else forearm
 
 
 def _spread(places: Array, m: int) -> list[Array]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -33,14 +33,14 @@ class Line:
     def word(self, index: int, what: str) -> str:
         """The word at `index`, which is `what`. Raises InputError where the line is shorter."""
         if index >= len(self.words):
-            raise self.error(f"{' '.join(self.words)[:60]!r}", f"{what} after it")
+            raise self.error(shown(" ".join(self.words)), f"{what} after it")
         return self.words[index]
 
     def count(self, index: int, what: str) -> int:
         """The whole number from 0 to 999,999,999 at `index`. Raises InputError for anything else."""
         word = self.word(index, what)
         if not (word.isascii() and word.isdigit() and len(word) < 10):
-            raise self.error(f"{word[:40]!r}", what)
+            raise self.error(shown(word), what)
         return int(word)
 
     def numbers(self, first: int, what: str, count: int | None = None) -> list[float]:
@@ -54,7 +54,7 @@ class Line:
                 values.append(float(word))
             except ValueError:
                 remedy = "write decimal points instead of commas" if "," in word else _DAMAGED
-                raise self.error(f"{word[:60]!r}", f"numbers for {what}", remedy) from None
+                raise self.error(shown(word), f"numbers for {what}", remedy) from None
             if not abs(values[-1]) < LARGEST:  # nan is not
                 raise self.error(f"{word[:60]} for {what}", "finite numbers below 1e9")
         if count is not None and len(values) != count:
@@ -84,15 +84,19 @@ def read_lines(path: Path, what: str, comment: str | None = None) -> list[Line]:
             raise InputError(str(path), "more than 1 GiB", what, "cut the recording into parts")
         text = decode(path.read_bytes())
     except OSError as error:
-        raise InputError(
-            str(path), error.strerror or "an unreadable file", what, "check the path and its permissions"
-        ) from error
-    text = text.rstrip("\x1a \t\r\n")  # DOS ended texts with Ctrl-Z
-    if not text:
+        raise unreadable(path, error, what) from error
+    text = text.rstrip().rstrip("\x1a")  # DOS ended texts with Ctrl-Z
+    if not text.strip():
         raise InputError(str(path), "an empty file", what, "copy or export the file anew")
     if "\0" in text:
         raise InputError(str(path), "binary data", what, "export the file as text, in UTF-8")
     return list(_lines(path, text, comment))
+
+
+def unreadable(path: Path, error: OSError, what: str) -> InputError:
+    """What to raise where the system does not let `what` be read."""
+    found = error.strerror or "an unreadable file"
+    return InputError(str(path), found, what, "check the path and its permissions")
 
 
 def _lines(path: Path, text: str, comment: str | None) -> Iterator[Line]:
@@ -108,7 +112,16 @@ def first_words(head: bytes, count: int) -> list[str]:
     return [word.lower() for line in lines for word in line.split("#", 1)[0].split()][:count]
 
 
-def joined(names: tuple[str, ...] | list[str], most: int = 100) -> str:
-    """Names for a message, which stays readable however many there are."""
+def shown(value: object) -> str:
+    """A value for a message: quoted, printable and not long, whatever a file holds there."""
+    text = repr(value)
+    return text if len(text) <= 80 else f"{text[:77]}..."
+
+
+def joined(names: Sequence[str], most: int = 100) -> str:
+    """Names for a message, which stays readable whatever they are and however many."""
     rest = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(name if name.isprintable() else ascii(name) for name in names[:most]) + rest
+    return (
+        ", ".join(name if name.isprintable() and len(name) < 80 else shown(name) for name in names[:most])
+        + rest
+    )

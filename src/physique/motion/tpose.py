@@ -78,7 +78,14 @@ def find_tpose(clip: Clip, mapping: Mapping, joints: Joints) -> TPose:
     axis = int(np.argmax(np.abs(up)))
     snapped = np.eye(3)[axis] * np.sign(up[axis])
     body_up = snapped if snapped @ up > np.cos(np.radians(25)) else up
-    left = positions[joints["left_hip"][0]] - positions[joints["right_hip"][0]]
+    left = _segment(positions, joints, "right_hip", "left_hip")
+    if np.linalg.norm(np.cross(left, body_up)) < 1e-9:
+        raise InputError(
+            clip.source,
+            "hips that are not beside each other",
+            "the left hip on the person's left",
+            "correct the OFFSETs or the mapping",
+        )
     R_body = _basis(left, body_up)
     _check_sides(clip, positions, joints, R_body)
     world_up = _world_up(clip, mapping, joints, world_positions, body_up, frame is not None)

@@ -138,24 +138,12 @@ def part_transforms(local: Array, rest_joints: Array) -> Array:
 
 
 def unwrap(angles: Array) -> Array:
-    """The same rotations, each frame's angles nearest to the frame before.
-
-    A 3-D joint has two sets of Tait-Bryan angles, (a, b, c) and (a + pi, pi - b, c + pi), each up
-    to whole turns: taking principal values jumps between them.
-    """
+    """The same rotations, each frame's angles (T, 50) nearest to the frame before."""
     out = angles.copy()
-    two_pi = 2 * np.pi
     for t in range(1, len(out)):
-        near = out[t] + two_pi * np.round((out[t - 1] - out[t]) / two_pi)
-        for joint, axes in AXES.items():
-            if len(axes) != 3:
-                continue
-            c = columns(joint)
-            other = np.array([out[t, c][0] + np.pi, np.pi - out[t, c][1], out[t, c][2] + np.pi])
-            other += two_pi * np.round((out[t - 1, c] - other) / two_pi)
-            if np.abs(other - out[t - 1, c]).sum() < np.abs(near[c] - out[t - 1, c]).sum():
-                near[c] = other
-        out[t] = near
+        out[t] += 2 * np.pi * np.round((out[t - 1] - out[t]) / (2 * np.pi))
+    balls = [np.arange(len(HINGES))[columns(joint)] for joint, axes in AXES.items() if len(axes) == 3]
+    out[:, balls] = rotations.unwrap_euler(angles[:, balls])
     return out
 
 
