@@ -340,10 +340,13 @@ def test_ctrl_c_stops_with_one_line_and_the_run_can_be_resumed(tmp_path: Path) -
     assert json.loads((out / "run.json").read_text())["status"] == "running"
 
 
-def test_help_and_module_call() -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "physique", "retarget", "--help"], capture_output=True, text=True, check=False
-    )
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [([], "retarget"), (["--version"], "MuJoCo 4."), (["retarget", "--help"], "--torque-limit")],
+)
+def test_help_and_module_call(arguments: list[str], text: str) -> None:
+    command = [sys.executable, "-m", "physique", *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0
-    assert "--torque-limit" in done.stdout
+    assert text in done.stdout
     assert done.stderr == ""
