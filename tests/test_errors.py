@@ -18,6 +18,12 @@ def test_one_slip_of_the_finger_still_finds_the_name(name: str, data: st.DataObj
     assert suggest(typed, NAMES, "correct the name") == f"did you mean {name!r}?"
 
 
+def test_dashes_are_no_likeness() -> None:
+    options = ("--json", "--height")
+    assert suggest("--heigth", options, "see the help") == "did you mean '--height'?"
+    assert suggest("--version", options, "see the help") == "see the help"
+
+
 @pytest.mark.parametrize("typed", ["", "zumba", "x.bvh"])
 def test_what_is_near_nothing_gets_the_other_remedy(typed: str) -> None:
     assert suggest(typed, NAMES, "correct the name") == "correct the name"
