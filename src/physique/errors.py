@@ -21,5 +21,6 @@ class InputError(ValueError):
 
 def suggest(word: str, known: Iterable[str], otherwise: str) -> str:
     """A remedy for a name that is not there: the nearest of those that are, or the other one."""
-    near = get_close_matches(word, list(known), n=1)
-    return f"did you mean {near[0]!r}?" if near else otherwise
+    names = {name.lstrip("-"): name for name in known}  # dashes are no likeness
+    near = get_close_matches(word.lstrip("-"), list(names), n=1)
+    return f"did you mean {names[near[0]]!r}?" if near else otherwise

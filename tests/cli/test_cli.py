@@ -118,7 +118,9 @@ def test_body_json_has_the_documented_keys(capfd: pytest.CaptureFixture[str], tm
         (["body", "--sex", "other"], "other"),
         (["body", "--wings", "2"], "--wings"),
         (["body", "--heigth=1.8"], "did you mean '--height'?"),
-        (["retarget", "walk", "--body", "average"], "--out"),
+        (["retarget", "walk", "--body", "average"], "found missing from physique retarget: --out DIR; "),
+        (["push", "out", "--impulse", "15Ns"], "found '15Ns' for --impulse; "),
+        ([*WALK, "--torque-limit", "100Nm"], "see `physique retarget --help`"),
         (["retarget", "wlak", *WALK[2:]], "did you mean 'walk'?"),
         ([*WALK[:3], "hevy", *WALK[4:]], "did you mean 'heavy'?"),
         ([*WALK, "--start", "2 min"], "such as 1.5, 1.5s or 500ms"),
@@ -340,10 +342,13 @@ def test_ctrl_c_stops_with_one_line_and_the_run_can_be_resumed(tmp_path: Path) -
     assert json.loads((out / "run.json").read_text())["status"] == "running"
 
 
-def test_help_and_module_call() -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "physique", "retarget", "--help"], capture_output=True, text=True, check=False
-    )
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [([], "retarget"), (["--version"], "MuJoCo 4."), (["retarget", "--help"], "--torque-limit")],
+)
+def test_help_and_module_call(arguments: list[str], text: str) -> None:
+    command = [sys.executable, "-m", "physique", *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0
-    assert "--torque-limit" in done.stdout
+    assert text in done.stdout
     assert done.stderr == ""

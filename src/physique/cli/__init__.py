@@ -48,8 +48,11 @@ def parse(arguments: Sequence[str] | None = None) -> Command:
 
     Raises InputError for a fault in them, SystemExit after the help.
     """
-    given = list(sys.argv[1:] if arguments is None else arguments) or ["--help"]
-    _check_names(given)
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    if given in ([], ["help"]):
+        given = ["--help"]
+    place = f"physique {given[0]}" if given[0] in COMMANDS else "physique"
+    _check_names(given, place)
     said = io.StringIO()
     try:
         with contextlib.redirect_stderr(said):
@@ -64,12 +67,12 @@ def parse(arguments: Sequence[str] | None = None) -> Command:
     except SystemExit as stop:
         if stop.code in (0, None):
             raise
-        raise _refusal(stop) or console.usage_error(said.getvalue()) from None
+        raise _refusal(stop) or console.usage_error(said.getvalue(), place) from None
     console.tell(said.getvalue())
     return made
 
 
-def _check_names(given: Sequence[str]) -> None:
+def _check_names(given: Sequence[str], place: str) -> None:
     """Raises InputError for a command or an option that is not there, with the nearest that is."""
     command = given[0]
     if command.startswith("-"):
@@ -84,7 +87,6 @@ def _check_names(given: Sequence[str]) -> None:
     for word in given:
         name = word.partition("=")[0].replace("_", "-")
         if name.startswith("--") and name not in known:
-            place = "physique" if command.startswith("-") else f"physique {command}"
             remedy = suggest(name, sorted(known), f"see `{place} --help`")
             raise InputError("command line", f"no option {name}", f"options of `{place}`", remedy)
 

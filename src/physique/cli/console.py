@@ -76,19 +76,21 @@ def fail_unforeseen(fault: Exception, arguments: Sequence[str], versions: str) -
     fail(f"a fault of physique's own: {words}; {where}")
 
 
-def usage_error(text: str) -> InputError:
-    """What the argument parser says in a box of many lines, as one."""
-    lines = [line for line in text.splitlines() if not line.startswith("╭")]  # but the box's title
+def usage_error(text: str, place: str) -> InputError:
+    """What the argument parser says in a box of many lines, as one; its help has `place`."""
+    # But the box's title, and what options are for, which is set far in.
+    lines = [line for line in text.splitlines() if not line.startswith(("╭", "│         "))]
     words = " ".join(re.sub(r"[─│╰╯]+", " ", " ".join(lines)).split())
     for rest in ("Got errors:", "Argument helptext:", "For full helptext"):
         words = words.split(rest)[0]
     # What stands for an option that is left out cannot be given.
-    words = words.replace("'None', ", "").replace(", 'None')", ")")
+    words = words.replace("'None', ", "").replace(", 'None')", ")").strip(" .")
+    words = re.sub(r"^Error parsing (\S+): .*?('[^']*')\]?$", r"\2 for \1", words)
     return InputError(
         "command line",
-        words.strip(" .") or "a fault",
+        f"{words[:1].lower()}{words[1:]}" or "a fault",
         "options as in the help",
-        "see `physique --help` or `physique COMMAND --help`",
+        f"see `{place} --help`",
     )
 
 

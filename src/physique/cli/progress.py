@@ -45,7 +45,7 @@ def _bar(title: str) -> Iterator[Show]:
                 tell(f"{title}: {state}\n")
 
         def show_compiling(begun: int, total: int) -> None:
-            state = f"compiling, once on this machine: {begun} of {total} functions"
+            state = f"compiling, once on this machine: {begun} of {total}"
             bar.update(task, total=total, completed=begun, state=state)
             if not screen.is_terminal and ("compiling", 0) not in told:
                 told.add(("compiling", 0))
