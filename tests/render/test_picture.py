@@ -10,8 +10,6 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image as PillowImage
 
-from physique.body.build import capsule_body
-from physique.body.named import named_body
 from physique.errors import InputError
 from physique.render.picture import animation, body_picture, strip
 from physique.render.scene import Scene, make_actor, stage, stage_runs
@@ -51,7 +49,8 @@ def test_a_strip_is_frames_in_columns_and_scenes_in_rows(run: Run) -> None:
 
 def test_rows_of_one_scale_show_who_is_taller(run: Run) -> None:
     heights = []
-    skin = skin_surface(named_body("average"), RED)
+    assert run.mesh is not None
+    skin = skin_surface(run.mesh, RED)
     small = replace(skin, vertices=0.7 * skin.vertices, joints=0.7 * skin.joints)
     lower = run.trajectory.q * np.r_[0.7, 0.7, 0.7, np.ones(54)]
     scenes = [stage([make_actor(s, q)], 100.0, PANEL) for s, q in ((skin, run.trajectory.q), (small, lower))]
@@ -119,12 +118,12 @@ def test_animations_that_cannot_be_are_refused(run: Run, tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize(
-    ("suffix", "rate", "lasts"), [("gif", 10.0, [100] * 6), ("webp", 30.0, [30, 40, 30] * 5)]
+    ("suffix", "rate", "lasts"), [("gif", 10.0, [100] * 3), ("webp", 30.0, [30, 40, 30] * 2)]
 )
 def test_an_animation_has_true_speed(
     run: Run, tmp_path: Path, suffix: str, rate: float, lasts: list[int]
 ) -> None:
-    scene = red_scene(run, (100, 80))
+    scene = red_scene(run, (100, 80), 21)
     path = animation(tmp_path / f"x.{suffix}", scene, rate, threads=1)
     with PillowImage.open(path) as film:
         assert film.size == (100, 80)
@@ -158,9 +157,9 @@ def test_a_ghost_is_paler_than_who_follows_it(run: Run) -> None:
     assert np.abs(picture - empty).max() > 50
 
 
-def test_a_body_is_seen_as_skin_and_capsules_from_front_and_left() -> None:
-    mesh = named_body("average")
-    picture = body_picture(mesh, capsule_body(mesh), 240)
+def test_a_body_is_seen_as_skin_and_capsules_from_front_and_left(run: Run) -> None:
+    assert run.mesh is not None
+    picture = body_picture(run.mesh, run.body, 240)
     height, width = picture.shape[:2]
     assert height == 240
     assert 2 * height < width < 3 * height

@@ -137,9 +137,10 @@ def test_a_ball_has_the_outline_and_the_light_of_a_sphere() -> None:
 
 def test_the_floor_is_chequered_and_fades_into_the_sky() -> None:
     """Against the mean of many points of the hard pattern in each pixel."""
-    image = draw(triangles([]), FRONT, SIZE).astype(float)
-    fine = (np.arange(SIZE[0] * 8) + 0.5) / 8, (np.arange(SIZE[1] * 8) + 0.5) / 8
-    along = rays(FRONT, np.stack(np.meshgrid(*fine), axis=-1), SIZE)
+    size = (80, 60)
+    image = draw(triangles([]), FRONT, size).astype(float)
+    fine = (np.arange(size[0] * 8) + 0.5) / 8, (np.arange(size[1] * 8) + 0.5) / 8
+    along = rays(FRONT, np.stack(np.meshgrid(*fine), axis=-1), size)
     along /= np.linalg.norm(along, axis=2, keepdims=True)
     height = np.clip(along[..., 2:] / daylight.SKY_BAND, 0, 1)
     sky = daylight.SKY_LOW**2 * (1 - height) + daylight.SKY_TOP**2 * height
@@ -151,7 +152,7 @@ def test_the_floor_is_chequered_and_fades_into_the_sky() -> None:
     floor = colour * (daylight.SKY_LIGHT + fill + daylight.sun_of(FRONT)[2] * daylight.SUN)
     fog = np.clip((distance - daylight.FOG[0]) / np.ptp(daylight.FOG), 0, 1)[..., None]
     light = sky + (1 - fog * fog * (3 - 2 * fog)) * (floor - sky)
-    wanted = 255 * np.sqrt(light.reshape(SIZE[1], 8, SIZE[0], 8, 3).mean(axis=(1, 3)))
+    wanted = 255 * np.sqrt(light.reshape(size[1], 8, size[0], 8, 3).mean(axis=(1, 3)))
     apart = np.abs(image - wanted).max(axis=2)
     assert np.median(apart) <= 1
     assert apart.max() < 16  # where a pixel is a trapezium on the floor, not a rectangle
