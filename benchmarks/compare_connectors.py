@@ -4,34 +4,40 @@
 
 States that the motion alone does not stand after a push of 0.1 s: how many each connector
 leads back, in how many simulated steps. A branch must end where the motion's controllers go on to
-its end.
+its end. A state takes CMA about a minute. Each is stored in the run's folder (connectors.json) as it
+ends: stopped, it goes on where it was, and states that the present code led back are not led again.
 """
 
 from __future__ import annotations
 
+import itertools
 import time
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import tyro
 from tyro.conf import Positional, arg
 
+from physique.experiments.cells import Cells
 from physique.feedback import cma_connect, connect
 from physique.feedback.choice import DEFAULT, Chooser
-from physique.feedback.connect import make_trunk
+from physique.feedback.connect import Trunk, make_trunk
 from physique.feedback.grow import ZETA
 from physique.feedback.growth import root
-from physique.feedback.law import BOUND
+from physique.feedback.law import BOUND, Law
 from physique.feedback.pushes import random_pushes
-from physique.feedback.tree import grown
+from physique.feedback.tree import Tree, grown
 from physique.runs.run import load_run
 from physique.simulation.closed_loop import Servo
 from physique.simulation.linear_feedback import Feedback
 from physique.simulation.mujoco_simulator import MujocoSimulator
 from physique.simulation.process import quiet
 from physique.simulation.stepper import Push
+
+CONNECTORS = ("derivatives", "CMA")
 
 
 @dataclass(frozen=True)
@@ -56,45 +62,60 @@ def main() -> None:
     options = tyro.cli(Options)
     run = load_run(options.run)
     character, motion = run.character(), run.trajectory
-    rng = np.random.default_rng(options.seed)
-    rows = []
+    cells = Cells(options.run / "connectors.json")
+    inputs = {"run": run.record["identity"], "impulse": options.impulse, "seed": options.seed}
+    rows: list[dict[str, Any]] = []
     with quiet(), MujocoSimulator(character, 1) as simulator:
         trunk = make_trunk(simulator, motion.q, motion.v, motion.control)
-        tree = root(trunk)
-        law = Feedback(character, trunk.q, trunk.v, trunk.control, trunk.gains, BOUND)
-        chooser = Chooser(Servo(character.xml), tree, DEFAULT, 1)
-        while len(rows) < options.states:
-            push = random_pushes(rng, 1, options.impulse, 10, (0, trunk.last - 150), 0.01)[0]
-            moved = simulator.perform(
-                trunk.q[push.start],
-                trunk.v[push.start],
-                10,
-                lambda t, q, v, first=push.start: law(first + t, q, v),
-                Push(push.part, push.force, 0, 10),
-            )
-            q, v, at = moved.q[-1], moved.v[-1], push.start + 10
-            if chooser.choose(q, v, at).loss < ZETA:
-                continue
-            row = []
-            for name in ("derivatives", "CMA"):
-                before, clock = simulator.steps, time.process_time()
-                if name == "CMA":
-                    branch = cma_connect.connect(simulator, trunk, tree, q, v, at, rng)
-                else:
-                    branch = connect.connect(simulator, trunk, q, v, at)
-                price = simulator.steps - before, time.process_time() - clock
-                good = False
-                if branch is not None:
-                    whole = Chooser(Servo(character.xml), grown(tree, [branch]), DEFAULT, 1)
-                    good = whole.choose(q, v, at).loss < ZETA
-                row.append((good, *price))
-            rows.append(row)
-            print(f"{push.name} at {push.start / 100:.2f} s: {row}", flush=True)
+        for number in itertools.count():
+            if len(rows) == options.states:
+                break
+            rng = np.random.default_rng([options.seed, number])
+            work = partial(compare, simulator, trunk, options.impulse, rng)
+            row = cells.make(f"push {number}", work, **inputs)
+            if row is not None:
+                rows.append(row)
+                print(row, flush=True)
     print("| connector | led back | simulated steps a state | processor seconds a state |")
     print("| --- | ---: | ---: | ---: |")
-    for number, name in enumerate(("derivatives", "CMA")):
-        good, steps, seconds = np.array([row[number] for row in rows], dtype=float).T
+    for name in CONNECTORS:
+        good, steps, seconds = np.array([row[name] for row in rows], dtype=float).T
         print(f"| {name} | {good.mean():.0%} | {steps.mean():,.0f} | {seconds.mean():.1f} |")
+
+
+def compare(
+    simulator: MujocoSimulator, trunk: Trunk, impulse: float, rng: np.random.Generator
+) -> dict[str, Any] | None:
+    """Where a push leads, and of each connector whether it leads back from there, its simulated
+    steps and seconds of the processor; None where the motion alone stands the push."""
+    character, tree = simulator.character, root(trunk)
+    law = Feedback(character, trunk.q, trunk.v, trunk.control, trunk.gains, BOUND)
+    push = random_pushes(rng, 1, impulse, 10, (0, trunk.last - 150), 0.01)[0]
+    moved = simulator.perform(
+        trunk.q[push.start],
+        trunk.v[push.start],
+        10,
+        lambda t, q, v: law(push.start + t, q, v),
+        Push(push.part, push.force, 0, 10),
+    )
+    q, v, at = moved.q[-1], moved.v[-1], push.start + 10
+
+    def leads_back(grown_tree: Tree) -> bool:
+        chooser = Chooser(Law(Servo(character.xml), grown_tree), DEFAULT, 1)
+        return bool(chooser.choose(q, v, at).loss < ZETA)
+
+    if leads_back(tree):
+        return None
+    row: dict[str, Any] = {"push": f"{push.name} at {push.start / 100:.2f} s"}
+    for name in CONNECTORS:
+        before, clock = simulator.steps, time.process_time()
+        if name == "CMA":
+            branch = cma_connect.connect(simulator, trunk, tree, q, v, at, rng)
+        else:
+            branch = connect.connect(simulator, trunk, q, v, at)
+        price = [simulator.steps - before, time.process_time() - clock]
+        row[name] = [branch is not None and leads_back(grown(tree, [branch])), *price]
+    return row
 
 
 if __name__ == "__main__":

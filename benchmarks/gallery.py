@@ -2,11 +2,11 @@
 
     python benchmarks/gallery.py [NAME ...] [--pushed RUN]
 
-retargets what is needed into out/gallery (runs that are there already are kept, runs that were
-stopped go on) and writes an animated WebP a scene to docs/images/gallery. NAME: some scenes only.
-RUN: the folder of a run with the policy.npz of a tree, for the scene `push`; out/gallery/pushed.
-What a scene needs and is not there (real clips beside the repository, a controller that answers
-pushes) is said in a line, and the scene is left out.
+takes a quarter of an hour: retargets what is needed into out/gallery (runs that the present code
+made are kept, runs that were stopped go on) and writes an animated WebP a scene to
+docs/images/gallery. NAME: some scenes only. RUN: the folder of a run with the policy.npz of a tree,
+for the scene `push`; out/gallery/pushed. What a scene needs and is not there (real clips beside the
+repository, a controller that answers pushes) is said in a line, and the scene is left out.
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ import physique
 from physique import skeleton
 from physique.body.held import Hand
 from physique.character import kinematics
+from physique.experiments.cells import kept_run
 from physique.render.scene import Scene, stage_runs
 from physique.runs.metrics import SUCCESS_LIMIT, joint_errors
 from physique.simulation.session import PUSH_SECONDS, Hit, Session
@@ -199,8 +200,7 @@ def write_webp(path: Path, film: Film) -> int:
 
 def _run(folder: str, clip: Any, body: str, **options: Any) -> physique.Run:
     """The run in out/gallery, made where it is not there yet."""
-    print(f"{getattr(clip, 'name', clip)} on {body} {options or ''}", file=sys.stderr, flush=True)
-    run = physique.retarget(clip, body, out=RUNS / folder, resume=True, **options)
+    run = kept_run(RUNS / folder, clip, body, **options)
     print(f"  error {run.metrics['mpjpe_mm']:.0f} mm, success {run.success}", file=sys.stderr)
     return run
 

@@ -1,14 +1,15 @@
 """Every clip on every ready body: who can follow what, and where it fails.
 
-    python benchmarks/matrix.py                      # all cells, hours on two cores
-    python benchmarks/matrix.py --bodies average     # one column
+    python benchmarks/matrix.py                      # the average body: a quarter of an hour on two cores
+    python benchmarks/matrix.py --bodies heavy,thin  # other columns
+    python benchmarks/matrix.py --bodies all         # hours
     python benchmarks/matrix.py --clips walk,punch   # some rows
     python benchmarks/matrix.py --report             # the page from what is stored
 
 Clips are the embedded ones and the flat-ground ones of ../shared/mocap, where it is at hand. Cells
-run side by side, each on one thread, and are stored one by one; cells that are stored are not run
-again (`--again` does). Writes benchmarks/results/matrix.json, docs/matrix.md and
-docs/images/matrix.png, under another folder with `--out FOLDER`.
+run side by side, each on one thread, and each is stored as it ends: stopped, it goes on where it
+was, and cells that the present code made are not made again. Writes benchmarks/results/matrix.json,
+docs/matrix.md and docs/images/matrix.png, under another folder with `--out FOLDER`.
 """
 
 from __future__ import annotations
@@ -26,10 +27,10 @@ from PIL import Image
 
 import physique
 from physique.body.named import PEOPLE
+from physique.experiments.cells import Cells
 from physique.motion.library import list_clips
 from physique.render.picture import strip
 from physique.render.scene import stage_runs
-from physique.store import read_json, write_json
 
 ROOT = Path(__file__).resolve().parents[1]
 MOCAP = ROOT.parent / "shared" / "mocap"
@@ -91,50 +92,36 @@ def run_cell(clip: Clip, body: str) -> dict[str, Any]:
     return out
 
 
-def load(out: Path) -> dict[str, dict[str, Any]]:
-    """Clip -> body -> cell."""
-    path = out / RESULTS
-    return read_json(path) if path.is_file() else {}
-
-
-def save(cells: dict[str, dict[str, Any]], out: Path) -> None:
-    """Replace what is stored as a whole."""
-    path = out / RESULTS
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_json(path, cells)
-
-
 def main() -> None:
     """Run the cells that are asked for and not stored, then write the page."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--clips", help="only these, by commas")
-    parser.add_argument("--bodies", help="only these, by commas")
-    parser.add_argument("--again", action="store_true", help="run cells that are stored too")
+    parser.add_argument("--bodies", default="average", help="these, by commas, or all")
     parser.add_argument("--workers", type=int, default=2, help="cells side by side")
     parser.add_argument("--report", action="store_true", help="only the page")
     parser.add_argument("--out", type=Path, default=ROOT, help="write under this folder")
     options = parser.parse_args()
-    cells = load(options.out)
+    cells = Cells(options.out / RESULTS)
     if not options.report:
         rows = [c for c in clips() if not options.clips or c.name in options.clips.split(",")]
-        bodies = options.bodies.split(",") if options.bodies else list(PEOPLE)
-        wanted = [
-            (clip, body)
-            for body in bodies
-            for clip in rows
-            if options.again or body not in cells.get(clip.name, {})
-        ]
+        bodies = list(PEOPLE) if options.bodies == "all" else options.bodies.split(",")
+        asked = [(clip, body) for body in bodies for clip in rows]
+        wanted = [(clip, body) for clip, body in asked if not cells.has(cell_name(clip, body), fps=clip.fps)]
         spawn = multiprocessing.get_context("spawn")
         with ProcessPoolExecutor(options.workers, mp_context=spawn) as pool:
             running = {pool.submit(run_cell, *cell): cell for cell in wanted}
             for count, done in enumerate(as_completed(running), 1):
                 clip, body = running[done]
-                cells.setdefault(clip.name, {})[body] = cell = done.result()
-                save(cells, options.out)
+                cell = cells.put(cell_name(clip, body), done.result(), fps=clip.fps)
                 print(f"{count}/{len(wanted)} {clip.name}, {body}: {entry(cell)}", flush=True)
-    if not cells:
+    if not cells.values:
         raise SystemExit("nothing is stored yet: run some cells first")
     write_page(cells, options.out / "docs")
+
+
+def cell_name(clip: Clip, body: str) -> str:
+    """Under which a cell is stored."""
+    return f"{clip.name}, {body}"
 
 
 def entry(cell: dict[str, Any] | None) -> str:
@@ -148,8 +135,12 @@ def entry(cell: dict[str, Any] | None) -> str:
     return f"lost at {cell['lost_s']:.1f} s"
 
 
-def write_page(cells: dict[str, dict[str, Any]], docs: Path) -> None:
+def write_page(stored: Cells, docs: Path) -> None:
     """docs/matrix.md and its picture."""
+    cells: dict[str, dict[str, Any]] = {}  # clip -> body -> cell
+    for name, cell in stored.values.items():
+        clip, body = name.rsplit(", ", 1)
+        cells.setdefault(clip, {})[body] = cell
     bodies = [b for b in PEOPLE if any(b in row for row in cells.values())]
     order = sorted(cells, key=lambda name: (name in ACROBATIC, name))
     lines = [
@@ -157,7 +148,7 @@ def write_page(cells: dict[str, dict[str, Any]], docs: Path) -> None:
         "",
         "Mean error in mm (world, against the reference as moved for each window) of every clip on",
         "every body, with torque limits that fit the body; *lost* where the mean error of a frame",
-        "passed 0.5 m, and when. Made by `python benchmarks/matrix.py`.",
+        "passed 0.5 m, and when. Made by `python benchmarks/matrix.py --bodies all`.",
         "",
         "| clip | s | " + " | ".join(bodies) + " |",
         "| --- " * (len(bodies) + 2) + "|",
@@ -169,6 +160,8 @@ def write_page(cells: dict[str, dict[str, Any]], docs: Path) -> None:
         entries = " | ".join(entry(row.get(body)) for body in bodies)
         lines.append(f"| {name}{mark} | {seconds:.1f} | {entries} |")
     lines += ["", "\\* acrobatic: hands on the floor, flips, floor work.", ""]
+    if stored.codes > 1:
+        lines += [f"Cells of {stored.codes} versions of the code are mixed here.", ""]
     lines += summary(cells, bodies)
     lines += ["", "![Four of them](images/matrix.png)", ""]
     docs.mkdir(parents=True, exist_ok=True)

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from physique.simulation.disturb import Push, Pushed
 from PIL import Image
 
 from physique.experiments import recovery
 from physique.feedback.pushes import Trial
 from physique.runs.run import Run
-from physique.simulation.disturb import Push, Pushed
 
 
 @pytest.mark.parametrize("skin", [True, False])

@@ -53,6 +53,11 @@ class Cells:
         """All that is stored, whatever it was made of."""
         return {name: cell["value"] for name, cell in self._cells.items()}
 
+    @property
+    def codes(self) -> int:
+        """How many versions of the code made what is stored."""
+        return len({cell["inputs"]["code"] for cell in self._cells.values()})
+
     def has(self, name: str, **inputs: Any) -> bool:
         """Whether a value is stored that these inputs and this code made."""
         return name in self._cells and self._cells[name]["inputs"] == {**makers(), **inputs}

@@ -2,7 +2,8 @@
 
     python -m physique.experiments.fig6 out/kick
 
-Needs a run of a kick with a grown tree. The push comes when one foot is highest, from the side.
+Needs a run of a kick with a grown tree; takes a minute. The push comes when one foot is highest,
+from the side.
 """
 
 from __future__ import annotations

@@ -50,7 +50,7 @@ There the horizon changes what he does, but not in the paper's order: who looks 
 in sooner.
 
 """
-HEAD = "limits, horizon, followed, error mean mm, worst frame, kicks mm, down, thousand steps/s"
+HEAD = "limits | horizon | followed | error, mean mm | worst frame | kicks mm | down | thousand steps/s"
 
 
 def measure(options: Section5) -> tuple[str, Picture]:
@@ -62,7 +62,7 @@ def measure(options: Section5) -> tuple[str, Picture]:
         clip, start, end = "kick", 0.0, np.inf
     last = end if options.end is None else min(end, start + options.end)
     reading = {"start": start, "end": last} if np.isfinite(last) else {}
-    table, rows = [HEAD.split(", ")], []
+    table, rows = [HEAD.split(" | ")], []
     for limit in LIMITS:
         for seconds in HORIZONS:
             name = f"kicks_{limit}_{seconds:g}"

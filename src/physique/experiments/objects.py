@@ -58,15 +58,15 @@ arm sinks, and pulls the trunk to its side.
 
 """
 HEAD = (
-    "motion, object, limits, followed, lean deg, centre of mass mm, arm deg, arm to trunk deg, "
-    "wrist mm, shoulder Nm, trunk Nm, E"
+    "motion | object | limits | followed | lean deg | centre of mass mm | arm deg | arm to trunk deg "
+    "| wrist mm | shoulder Nm | trunk Nm | E"
 )
 
 
 def measure(options: Section5) -> tuple[str, Picture]:
     """Text and picture."""
     seconds = options.end or SECONDS
-    table = [HEAD.split(", ")]
+    table = [HEAD.split(" | ")]
     shown: dict[str, list[Row]] = {"stand": [], "walk": []}
     clips: tuple[tuple[str, Any, dict[str, Any], Any], ...] = (
         ("stand", standing("average", seconds, arms=0.0), {}, OWN + WEAK),

@@ -2,7 +2,8 @@
 
     python -m physique.experiments.recovery out/boxing
 
-Needs a run with a grown tree. Pushes it at random until such a push is found, then draws both.
+Needs a run with a grown tree. Pushes it at random until such a push is found, then draws both: some
+minutes.
 """
 
 from __future__ import annotations

@@ -2,7 +2,9 @@
 
     python -m physique.experiments.table1 out/boxing
 
-Grows the paper's tree (h = 0.1 s, F = 50, 100, 150 N) about the motion of a run, into its folder.
+Grows the paper's tree (h = 0.1 s, F = 50, 100, 150 N) about the motion of a run, into its folder: with
+the paper's 100 trials a quarter of an hour or more. What is grown is stored round by round; stopped,
+it goes on with --resume.
 """
 
 from __future__ import annotations

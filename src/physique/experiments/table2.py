@@ -2,7 +2,7 @@
 
     python -m physique.experiments.table2 --out out/table2
 
-An impulse on a random part in a random direction, on the first time step.
+An impulse on a random part in a random direction, on the first time step. Takes some minutes.
 """
 
 from __future__ import annotations
