@@ -10,7 +10,7 @@ import pytest
 from physique.simulation.disturb import Push, Pushed
 from PIL import Image
 
-from physique.experiments import recovery
+from physique.experiments import fig6, recovery
 from physique.feedback.pushes import Trial
 from physique.runs.run import Run
 
@@ -19,8 +19,8 @@ from physique.runs.run import Run
 def test_a_recovery_is_drawn_from_the_push_on(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, skin: bool
 ) -> None:
-    monkeypatch.setattr(recovery, "PANEL", (80, 80))
-    monkeypatch.setattr(recovery, "PANELS", 2)
+    monkeypatch.setattr(fig6, "PANEL", (80, 80))
+    monkeypatch.setattr(fig6, "PANELS", 2)
     pytest.importorskip("av")
     shown = run if skin else replace(run, mesh=None)
     motion, start = run.trajectory, 41

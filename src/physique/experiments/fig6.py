@@ -9,6 +9,7 @@ from the side.
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -24,9 +25,10 @@ from physique.feedback.policy import ControllerName, load_policy
 from physique.feedback.pushes import Trial, run_trial
 from physique.render import palette
 from physique.render.picture import animation, strip
-from physique.render.scene import make_actor, stage
+from physique.render.raster import Image
+from physique.render.scene import Actor, make_actor, stage
 from physique.render.surface import surface
-from physique.runs.run import POLICY, load_run
+from physique.runs.run import POLICY, Run, load_run
 from physique.simulation.mujoco_simulator import MujocoSimulator
 from physique.simulation.process import quiet
 from physique.simulation.stepper import Push
@@ -60,6 +62,24 @@ def kicking_foot(joints: np.ndarray, timestep: float, at: float | None) -> tuple
     return feet[int(height[frame].argmax())], frame
 
 
+def pushed_actors(run: Run, trials: Mapping[str, Trial], start: int) -> tuple[Actor, list[Actor]]:
+    """The run from frame `start` on, as a ghost, and what controllers made of a push then."""
+    capsules = run.mesh is None
+    shown = surface(run, capsules=capsules)
+    wanted = run.trajectory.q[start:]
+    ghost = make_actor(shown, wanted, label="motion", ghost=True, colour=palette.SOURCE)
+    actors = []
+    for index, (label, trial) in enumerate(trials.items()):
+        shown = surface(run, capsules=capsules, colour=palette.body(index))
+        actors.append(make_actor(shown, trial.motion.q, label=label))
+    return ghost, actors
+
+
+def pushed_strip(ghost: Actor, actors: Sequence[Actor], fps: float) -> Image:
+    """A row of pictures for each controller, beside the ghost."""
+    return strip([stage([ghost, actor], fps, PANEL) for actor in actors], PANELS)
+
+
 def main(arguments: list[str] | None = None) -> None:
     """Push, draw, and say who survived."""
     options = tyro.cli(Fig6, args=arguments)
@@ -76,15 +96,12 @@ def main(arguments: list[str] | None = None) -> None:
         policy = load_policy(options.run / POLICY, name)
         with quiet(), MujocoSimulator(character, 1) as simulator:
             found[name] = run_trial(simulator, policy, push, joints, to_end=True)
-    shown = surface(run, capsules=run.mesh is None)
-    wanted = make_actor(shown, run.trajectory.q[frame:], label="motion", ghost=True, colour=palette.SOURCE)
-    scenes = []
     for label, trial in found.items():
-        scenes.append(stage([wanted, make_actor(shown, trial.motion.q, label=label)], 1 / step, PANEL))
-        animation(options.run / f"fig6_{label}.webp", scenes[-1])
         outcome = "recovers" if trial.lost is None else f"is lost after {trial.lost:.2f} s"
         sys.stdout.write(f"{label}: {outcome}, greatest error {trial.error:.2f} m\n")
-    write_png(options.run / "fig6.png", strip(scenes, PANELS))
+    wanted, actors = pushed_actors(run, found, frame)
+    write_png(options.run / "fig6.png", pushed_strip(wanted, actors, 1 / step))
+    animation(options.run / "fig6.webp", stage([wanted, *actors], 1 / step))
     sys.stdout.write(f"{push.name} at {frame * step:.2f} s: {options.run / 'fig6.png'}\n")
 
 

@@ -23,14 +23,12 @@ from physique.character import kinematics
 from physique.commands.bodies import write_png
 from physique.commands.feedback import MARGIN
 from physique.errors import InputError
+from physique.experiments.fig6 import pushed_actors, pushed_strip
 from physique.export.video import encode
 from physique.feedback.policy import ControllerName, load_policy
 from physique.feedback.pushes import Trial, random_pushes, run_trial
-from physique.render import palette
-from physique.render.picture import strip
 from physique.render.sampling import RATE, frames_at
-from physique.render.scene import make_actor, stage
-from physique.render.surface import surface
+from physique.render.scene import stage
 from physique.runs.run import POLICY, Run, load_run
 from physique.simulation.mujoco_simulator import MujocoSimulator
 from physique.simulation.process import quiet
@@ -43,7 +41,6 @@ LEAST = 0.10  # m
 #: by so much, m.
 SLOW, STANDS, LIFT = 0.25, 0.08, 0.03
 DURATION = 0.1  # s, of a push
-PANEL, PANELS = (220, 210), 6  # pixels of a frame; frames
 
 
 @dataclass(frozen=True)
@@ -143,21 +140,9 @@ def find(options: Recovery, run: Run) -> tuple[Step, dict[str, Trial]]:
 
 def draw(run: Run, trials: dict[str, Trial], folder: Path) -> tuple[Path, Path]:
     """A strip of pictures and a video of both controllers, from the push on."""
-    start, fps = trials["tree"].push.start, 1 / run.timestep
-    capsules = run.mesh is None
-    wanted = make_actor(
-        surface(run, capsules=capsules),
-        run.trajectory.q[start:],
-        label="motion",
-        ghost=True,
-        colour=palette.SOURCE,
-    )
-    actors = [
-        make_actor(surface(run, capsules=capsules, colour=palette.body(i)), trial.motion.q, label=label)
-        for i, (label, trial) in enumerate(trials.items())
-    ]
-    sheet = strip([stage([wanted, actor], fps, PANEL) for actor in actors], PANELS)
-    write_png(folder / "recovery.png", sheet)
+    fps = 1 / run.timestep
+    ghost, actors = pushed_actors(run, trials, trials["tree"].push.start)
+    write_png(folder / "recovery.png", pushed_strip(ghost, actors, fps))
     scene = stage(actors, fps)
     frames = frames_at(scene.frames, scene.fps, RATE).tolist()
     video = encode(folder / "recovery.mp4", scene.pictures(frames), scene.size, RATE)
