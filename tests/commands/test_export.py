@@ -126,7 +126,7 @@ def test_file_names_are_plain_and_different(titles: Sequence[str]) -> None:
     ("arguments", "text"),
     [
         (["--out", "a.txt"], "the suffix '.txt'"),
-        (["--out", "a.fbx"], "write a .glb and give it to Blender: tools/glb_to_fbx.py"),
+        (["--out", "a.fbx"], "write a .glb, then `python tools/glb_to_fbx.py"),
         (["--format", "FBX", "--out", "a.fbx"], "tools/glb_to_fbx.py"),
         (["--format", "csv", "--out", "a.txt"], "a file that ends in .csv"),
         (["--format", "csv", "--out", "a.csv", "--capsules"], "option capsules"),

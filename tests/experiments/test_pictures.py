@@ -7,12 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from physique.simulation.disturb import Push, Pushed
 from PIL import Image
 
 from physique.experiments import fig6, recovery
 from physique.feedback.pushes import Trial
 from physique.runs.run import Run
+from physique.simulation.rollout import Rollout
+from physique.simulation.stepper import Push
 
 
 @pytest.mark.parametrize("skin", [True, False])
@@ -27,8 +28,11 @@ def test_a_recovery_is_drawn_from_the_push_on(
     push = Push(0, (0.0, 0.0, 0.0), start, 10)
     trials = {}
     for name in ("lqr", "tree"):
-        did = Pushed(motion.q[start:], motion.v[start:], np.zeros((10, 22, 3)), diverged=False)
-        trials[name] = Trial(push, True, 0.0, None, 0.0, (), did)
+        steps, still = slice(start, None), np.zeros((len(motion.q) - start, 3))
+        did = Rollout(
+            motion.q[steps], motion.v[steps], motion.control[steps], motion.torque[steps], still, still, False
+        )
+        trials[name] = Trial(push, True, 0.0, None, 0.0, (), did, np.zeros((len(still), 22, 3)))
     sheet, video = recovery.draw(shown, trials, tmp_path)
     assert video.stat().st_size > 1000
     with Image.open(sheet) as picture:

@@ -63,7 +63,7 @@ FORMATS = (
     Format("csv", (".csv",), "physique.export.table:write_table", ("source",)),
 )
 #: Formats that other programs make of ours, and how.
-_BY_OTHERS = {"fbx": "write a .glb and give it to Blender: tools/glb_to_fbx.py, see docs/export.md"}
+_BY_OTHERS = {"fbx": "write a .glb, then `python tools/glb_to_fbx.py in.glb out.fbx` (needs the package bpy)"}
 
 
 def find_format(name: str | None, path: Path) -> Format:
