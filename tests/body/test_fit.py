@@ -21,8 +21,8 @@ def test_hits_stature_and_mass(sex: str, tall: float, heavy: float, age: float) 
     masses = reachable_mass(sex, height, age)  # type: ignore[arg-type]
     mass = masses.low + heavy * (masses.high - masses.low)
     body = make_body(sex, height, mass, age)  # type: ignore[arg-type]
-    assert body.height == pytest.approx(height, abs=2e-3)
-    assert body.mass == pytest.approx(mass, abs=0.2)
+    assert body.height == pytest.approx(height, abs=1e-4)
+    assert body.mass == pytest.approx(mass, abs=0.01)
 
 
 @pytest.mark.parametrize("sex", ["male", "female"])
@@ -43,8 +43,8 @@ def test_mass_rises_along_the_path(sex: str, muscle: float | None, age: float) -
 def test_named_bodies(name: str) -> None:
     body = named_body(name)
     assert body.name == name
-    assert body.height == pytest.approx(PEOPLE[name].height, abs=2e-3)
-    assert body.mass == pytest.approx(PEOPLE[name].mass, abs=0.2)
+    assert body.height == pytest.approx(PEOPLE[name].height, abs=1e-4)
+    assert body.mass == pytest.approx(PEOPLE[name].mass, abs=0.01)
 
 
 def test_the_papers_extremes_are_there() -> None:
@@ -93,12 +93,12 @@ def test_what_cannot_be_is_refused(wish: dict[str, float], text: str) -> None:
 def test_the_ends_of_the_stated_range_are_reachable() -> None:
     masses = reachable_mass("female", 1.6, 40.0)
     for mass in (masses.low, masses.high):
-        assert make_body("female", 1.6, mass, 40.0).mass == pytest.approx(mass, abs=0.05)
+        assert make_body("female", 1.6, mass, 40.0).mass == pytest.approx(mass, abs=0.01)
     heights = reachable_height("male")
     for height in (heights.low, heights.high):
         middle = reachable_mass("male", height)
         body = make_body("male", height, 0.5 * (middle.low + middle.high))
-        assert body.height == pytest.approx(height, abs=2e-3)
+        assert body.height == pytest.approx(height, abs=1e-4)
 
 
 def test_unknown_name_lists_the_names() -> None:
