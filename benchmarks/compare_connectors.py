@@ -19,9 +19,8 @@ import tyro
 from tyro.conf import Positional, arg
 
 from physique.feedback import cma_connect, connect
-from physique.feedback.choice import DEFAULT, Chooser
+from physique.feedback.choice import DEFAULT, ZETA, Chooser
 from physique.feedback.connect import make_trunk
-from physique.feedback.grow import ZETA
 from physique.feedback.growth import root
 from physique.feedback.law import BOUND
 from physique.feedback.pushes import random_pushes

@@ -34,10 +34,10 @@ from optimizers_report import STEPS_PER_SIMULATION, write_report
 from physique.body.build import capsule_body
 from physique.body.named import PEOPLE, named_body
 from physique.character import kinematics
+from physique.character.joint_error import joint_errors
 from physique.character.model import Character, make_character
 from physique.motion.read import read_motion
 from physique.reference.reference import make_reference
-from physique.runs.metrics import joint_errors
 from physique.simulation.quiet import quiet
 from physique.simulation.rollout import Rollout
 from physique.simulation.simulator import Simulator

@@ -32,8 +32,8 @@ import physique
 from physique import skeleton
 from physique.body.held import Hand
 from physique.character import kinematics
+from physique.character.joint_error import SUCCESS_LIMIT, joint_errors
 from physique.render.scene import Scene, stage_runs
-from physique.runs.metrics import SUCCESS_LIMIT, joint_errors
 from physique.simulation.session import PUSH_SECONDS, Push, Session
 from physique.store import prepare_folder, write_atomic
 

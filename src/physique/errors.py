@@ -14,3 +14,7 @@ class InputError(ValueError):
         self.place, self.found, self.expected, self.remedy = place, found, expected, remedy
         text = f"{place}: found {found}; expected {expected}; {remedy}"
         super().__init__(" ".join(text.split()))
+
+    def __reduce__(self) -> tuple[type[InputError], tuple[str, str, str, str]]:
+        # An exception is unpickled from its text alone, unless told otherwise.
+        return type(self), (self.place, self.found, self.expected, self.remedy)

@@ -11,7 +11,7 @@ import pytest
 
 from command_line import call
 from physique import skeleton
-from physique.commands.feedback import PushReport
+from physique.commands.push import PushReport
 from physique.experiments import fig6, table1, table2
 from physique.experiments.recovery import longest_step
 from physique.feedback.policy import load_policy
@@ -43,8 +43,11 @@ def test_the_commands_work_together(
     assert call(*push) == 2
     assert "physique stabilize" in capfd.readouterr().err
     assert call("stabilize", copy, "--weights", "paper") == 0
-    assert call("stabilize", copy) == 0
+    assert call("stabilize", copy) == 2
+    assert "a policy of the weights paper" in capfd.readouterr().err
+    assert call("stabilize", copy, "--overwrite") == 0
     assert "policy.npz" in capfd.readouterr().out
+    assert "replaces policy.npz" in caplog.text
     assert call(*push, "--controller", "tree") == 2
     assert "physique grow" in capfd.readouterr().err
     assert call(*push, "--controller", "lqr") == 0
@@ -68,6 +71,13 @@ def test_the_commands_work_together(
     assert "the tree is finished" in caplog.text
     assert call(*grow, "--seed", 1, "--resume") == 2
     assert "other options" in capfd.readouterr().err
+    for again in (grow, ["stabilize", copy]):
+        assert call(*again) == 2
+        said = capfd.readouterr().err
+        assert f"tree.json ({tree['perturbed_states']} states" in said
+        assert "--overwrite" in said
+    assert call(*grow, "--resume", "--overwrite") == 2
+    assert "--resume and --overwrite" in capfd.readouterr().err
     assert (copy / "policy.npz").stat().st_mtime_ns == made_at
     assert call(*push, "--controller", "tree") == 0
     made = json.loads(capfd.readouterr().out)

@@ -144,7 +144,7 @@ def test_growth_is_the_same_resumed_and_damaged(
     assert paths[-1].name in caplog.text
     assert same(whole.tree, again.tree)
     other = Settings(interval=0.3, forces=(900.0,), trials=3, seed=1)
-    with pytest.raises(InputError, match="another growth"):
+    with pytest.raises(InputError, match="a growth with seed 0; expected 1"):
         growth.grow(
             run.character(),
             motion.q,

@@ -23,7 +23,7 @@ from physique.errors import InputError
 
 if TYPE_CHECKING:
     from physique.body.describe import BodyFacts
-    from physique.commands.feedback import PushReport
+    from physique.commands.push import PushReport
     from physique.commands.retarget import Progress as Step
     from physique.feedback.growth import GrowthProgress
     from physique.feedback.pushes import Trial

@@ -19,10 +19,10 @@ from tyro.conf import Positional, arg
 from physique import skeleton
 from physique.character import kinematics
 from physique.commands.bodies import write_png
-from physique.feedback.policy import ControllerName, load_policy
+from physique.feedback.policy import ControllerName
 from physique.feedback.pushes import Trial, run_trial
 from physique.render.picture import animation, strip
-from physique.runs.run import POLICY, load_run
+from physique.runs.run import load_run
 from physique.simulation.disturb import Push
 from physique.simulation.quiet import quiet
 
@@ -68,7 +68,7 @@ def main(arguments: list[str] | None = None) -> None:
     names: tuple[ControllerName, ...] = ("lqr", "tree")
     found: dict[str, Trial] = {}
     for name in names:
-        policy = load_policy(options.run / POLICY, name)
+        policy = run.policy(name)
         with quiet():
             found[name] = run_trial(character, policy, push, joints, to_end=True)
     wanted = run.trajectory.q[frame:]

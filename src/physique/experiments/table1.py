@@ -15,7 +15,7 @@ from typing import Annotated, Any
 import tyro
 from tyro.conf import Positional, arg
 
-from physique.commands.feedback import grow_tree
+from physique.commands.grow import grow_tree
 from physique.feedback.grow import Settings
 from physique.store import write_atomic
 

@@ -19,8 +19,9 @@ from tyro.conf import arg
 from physique import rotations, skeleton
 from physique.body.build import capsule_body
 from physique.body.named import named_body
-from physique.commands.feedback import PushReport, push, stabilize
+from physique.commands.push import PushReport, push
 from physique.commands.retarget import retarget
+from physique.commands.stabilize import stabilize
 from physique.motion.clip import Motion
 from physique.store import prepare_folder, write_atomic
 

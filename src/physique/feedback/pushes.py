@@ -10,14 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physique.character import kinematics
+from physique.character.joint_error import SUCCESS_LIMIT, joint_errors, mean_joint_error
 from physique.character.model import Character
 from physique.feedback.policy import Policy
 from physique.simulation.disturb import Push, Pushed, simulate_pushed
 
 Array = NDArray[np.float64]
 
-#: A body that is further off, on average over its joints, no longer performs the motion.
-SURVIVAL_LIMIT = 0.5  # m
 #: It has recovered once it stays this near to the motion, beside its place as it ends, for so long.
 RECOVERY_LIMIT = 0.05  # m
 RECOVERY_STAY = 0.5  # s
@@ -28,7 +27,7 @@ class Trial:
     """A push and what came of it.
 
     survived: to the end of the motion. error: m, the greatest mean body position error. lost: s
-    from the push's beginning until that was above `SURVIVAL_LIMIT`, None where it is survived.
+    from the push's beginning until that was above `SUCCESS_LIMIT`, None where it is survived.
     recovery: s from the push's beginning until the body performs the motion again
     (`recovery_time`); None where it does not before the motion's end.
     decisions: s that each online decision took.
@@ -88,13 +87,13 @@ def run_trial(
         tree.frames - 1 - first,
         control,
         Push(push.part, push.force, 0, push.steps),
-        lambda t, at: to_end or body_error(at, joints[first + t]) <= SURVIVAL_LIMIT,
+        lambda t, at: to_end or mean_joint_error(at, joints[first + t]) <= SUCCESS_LIMIT,
     )
     reached = len(motion.joints)
     wanted = joints[first : first + reached]
-    errors = np.linalg.norm(motion.joints - wanted, axis=2).mean(axis=1)
+    errors = joint_errors(motion.joints, wanted).mean(axis=1)
     whole = first + reached == tree.frames and not motion.diverged
-    off = np.flatnonzero(errors > SURVIVAL_LIMIT)
+    off = np.flatnonzero(errors > SUCCESS_LIMIT)
     survived = bool(whole and len(off) == 0)
     return Trial(
         push=push,
@@ -105,11 +104,6 @@ def run_trial(
         decisions=tuple(decisions),
         motion=motion,
     )
-
-
-def body_error(joints: Array, wanted: Array) -> float:
-    """Mean distance, m, of joints (22, 3) from where they should be."""
-    return float(np.sqrt(np.sum((joints - wanted) ** 2, axis=1)).mean())
 
 
 def recovery_time(joints: Array, wanted: Array, timestep: float) -> float | None:

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from physique.errors import InputError
-from physique.runs.run import Checkpoint, Run, finish_run, load_run, open_run, save_window
+from physique.runs.folder import Checkpoint, open_run
+from physique.runs.run import Run, finish_run, load_run
 from physique.store import write_json
 from physique.tracking.windows import Window
 
@@ -47,15 +48,21 @@ def windows(count: int) -> list[Window]:
 
 
 def stored(folder: Path, count: int = 3) -> list[Window]:
-    open_run(folder, RECORD, resume=False, overwrite=False)
     made = windows(count)
-    for i, window in enumerate(made):
-        save_window(folder, i, Checkpoint(window, 1.5), RECORD)
+    with open_run(folder, RECORD, resume=False, overwrite=False) as run:
+        for i, window in enumerate(made):
+            run.save(i, Checkpoint(window, 1.5))
     return made
 
 
 def resume(folder: Path, record: dict[str, Any] = RECORD) -> list[Window]:
-    return [c.window for c in open_run(folder, record, resume=True, overwrite=False)[1]]
+    with open_run(folder, record, resume=True, overwrite=False) as run:
+        return [c.window for c in run.checkpoints]
+
+
+def start(folder: Path, *, overwrite: bool = False) -> None:
+    with open_run(folder, RECORD, resume=False, overwrite=overwrite) as run:
+        assert run.checkpoints == ()
 
 
 def same(a: Window, b: Window) -> bool:
@@ -130,22 +137,21 @@ def test_another_run_is_refused_by_its_difference(tmp_path: Path, change: dict[s
 def test_overwrite_removes_the_run_and_only_the_run(tmp_path: Path) -> None:
     stored(tmp_path)
     (tmp_path / "notes.txt").write_text("mine")
-    _, found, _ = open_run(tmp_path, RECORD, resume=False, overwrite=True)
-    assert found == []
+    start(tmp_path, overwrite=True)
     assert list((tmp_path / "windows").iterdir()) == []
     assert (tmp_path / "notes.txt").read_text() == "mine"
 
 
 def test_a_folder_with_other_files_is_used_and_they_stay(tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("mine")
-    open_run(tmp_path, RECORD, resume=False, overwrite=False)
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["notes.txt", "run.json", "windows"]
+    start(tmp_path)
+    assert {p.name for p in tmp_path.iterdir()} - {".lock"} == {"notes.txt", "run.json", "windows"}
 
 
 def test_files_of_a_run_without_a_record_are_not_overwritten(tmp_path: Path) -> None:
     (tmp_path / "motion.bvh").write_text("mine")
     with pytest.raises(InputError, match="files of a run"):
-        open_run(tmp_path, RECORD, resume=False, overwrite=False)
+        start(tmp_path)
     assert (tmp_path / "motion.bvh").read_text() == "mine"
 
 
@@ -167,5 +173,5 @@ def test_a_file_in_the_place_of_the_folder_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "file"
     path.write_text("mine")
     with pytest.raises(InputError, match="a folder that can be written"):
-        open_run(path, RECORD, resume=False, overwrite=False)
+        start(path)
     assert path.read_text() == "mine"
