@@ -1,4 +1,4 @@
-"""Checkpoints: whole ones are used, damaged ones are named and not used."""
+"""A run in the making: checkpoints, what is replaced and what is not, one process at a time."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from physique.errors import InputError
-from physique.runs.folder import Checkpoint, open_run
+from physique.runs.folder import Checkpoint, change_run, open_run
 from physique.runs.run import Run, finish_run, load_run
 from physique.store import write_json
 from physique.tracking.windows import Window
@@ -125,6 +125,7 @@ def test_files_that_a_kill_left_half_written_do_no_harm(tmp_path: Path) -> None:
         ({"clip": "run"}, "a run with clip walk; expected run"),
         ({"start": 0.5}, "a run with start None; expected 0.5"),
         ({"extra": True}, "a run with extra None; expected True"),
+        ({"versions": {"numba": "0.1"}}, "a run with versions numba None; expected 0.1"),
     ],
 )
 def test_another_run_is_refused_by_its_difference(tmp_path: Path, change: dict[str, Any], text: str) -> None:
@@ -150,16 +151,44 @@ def test_a_folder_with_other_files_is_used_and_they_stay(tmp_path: Path) -> None
 
 def test_files_of_a_run_without_a_record_are_not_overwritten(tmp_path: Path) -> None:
     (tmp_path / "motion.bvh").write_text("mine")
-    with pytest.raises(InputError, match="files of a run"):
-        start(tmp_path)
+    for ask in (start, resume):
+        with pytest.raises(InputError, match="files of a run"):
+            ask(tmp_path)
     assert (tmp_path / "motion.bvh").read_text() == "mine"
 
 
-def test_metrics_of_something_else_are_named(run: Run, tmp_path: Path) -> None:
+def test_both_resume_and_overwrite_is_refused_and_nothing_goes(tmp_path: Path) -> None:
+    stored(tmp_path)
+    with (
+        pytest.raises(InputError, match="--resume and --overwrite"),
+        open_run(tmp_path, RECORD, resume=True, overwrite=True),
+    ):
+        pass
+    assert len(resume(tmp_path)) == 3
+
+
+def test_what_is_overwritten_is_named_with_its_price(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    stored(tmp_path)
+    write_json(tmp_path / "tree.json", {"perturbed_states": 12, "seconds": 3600.0})
+    (tmp_path / "policy.npz").write_bytes(b"")
+    with caplog.at_level(logging.WARNING):
+        start(tmp_path, overwrite=True)
+    assert "replaces run.json, windows, policy.npz, tree.json (12 states, 3600 s of growth)" in caplog.text
+    assert not (tmp_path / "tree.json").exists()
+
+
+def test_two_at_once_are_refused_and_readers_are_not(run: Run, tmp_path: Path) -> None:
     finish_run(tmp_path, run)
-    write_json(tmp_path / "metrics.json", {})
-    with pytest.raises(InputError, match=r"metrics\.json: found other data"):
+    with change_run(tmp_path) as held:
+        assert held.folder == tmp_path
         load_run(tmp_path)
+        with pytest.raises(InputError, match="another process"), change_run(tmp_path):
+            pass
+        with pytest.raises(InputError, match="another process"):
+            start(tmp_path, overwrite=True)
+    assert load_run(tmp_path).success == run.success
 
 
 def test_a_damaged_record_is_named(tmp_path: Path) -> None:
