@@ -197,6 +197,14 @@ def test_a_run_is_not_replaced_by_accident(run: Run, body: CapsuleBody) -> None:
     assert same_motion(physique.load_run(str(run.folder)), run)
 
 
+def test_options_are_one_value_or_names(body: CapsuleBody, run: Run) -> None:
+    options = physique.RetargetOptions(start=START, end=0.9, horizon=0.2)
+    again = physique.retarget("walk", body, options, end=END, out=run.folder, resume=True)
+    assert same_motion(again, run)
+    with pytest.raises(TypeError, match="ends"):
+        physique.retarget("walk", body, ends=0.6)
+
+
 @pytest.mark.usefixtures("hasty")
 def test_progress_reaches_the_end(body: CapsuleBody) -> None:
     told: list[physique.Progress] = []

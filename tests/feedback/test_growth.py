@@ -129,6 +129,7 @@ def test_two_processes_give_the_same_tree_though_one_is_killed(
         found = grow(run, tmp_path / "tree", workers=2)
     assert "a process was killed; making round 0 again" in caplog.text
     assert len(made) == 2
+    assert multiprocessing.active_children() == []
     assert same(whole.tree, found.tree)
 
 
@@ -146,6 +147,8 @@ def test_processes_that_are_killed_again_and_again_are_told_in_a_line(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     class Killed:
+        _processes = None
+
         def map(self, *_: object) -> None:
             raise BrokenProcessPool
 

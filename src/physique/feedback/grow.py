@@ -90,6 +90,11 @@ class Round:
     first: int
     count: int
 
+    @property
+    def numbers(self) -> range:
+        """Of its trials."""
+        return range(self.first, self.first + self.count)
+
 
 @dataclass(frozen=True)
 class Attempt:

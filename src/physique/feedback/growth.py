@@ -187,10 +187,8 @@ def _progress(rounds: Sequence[Round], done: dict[int, Done], now: int, left: fl
 
 
 class _Worker:
-    """One process's share: a grower, and how many rounds it has met. Rounds come in their order.
-
-    MuJoCo keeps silent until it is closed.
-    """
+    """One process's share: a grower, and how many rounds it has met, which come in their order.
+    MuJoCo keeps silent until it is closed."""
 
     def __init__(self, job: Job) -> None:
         self._job = job
@@ -251,7 +249,7 @@ def _team(job: Job, workers: int) -> Iterator[Callable[[Round], list[Attempt]]]:
     """What makes all trials of a round, in their order."""
     if workers == 1:
         with closing(_Worker(job)) as alone:
-            yield lambda round_: [alone.attempt(round_, n) for n in _numbers(round_)]
+            yield lambda round_: [alone.attempt(round_, n) for n in round_.numbers]
         return
     pool = _pool(job, workers)
 
@@ -259,8 +257,7 @@ def _team(job: Job, workers: int) -> Iterator[Callable[[Round], list[Attempt]]]:
         nonlocal pool
         for left in range(_ATTEMPTS - 1, -1, -1):
             try:
-                numbers = _numbers(round_)
-                return list(pool.map(_attempt, [round_] * len(numbers), numbers))
+                return list(pool.map(_attempt, [round_] * round_.count, round_.numbers))
             except BrokenProcessPool:
                 if left == 0:
                     raise InputError(
@@ -270,6 +267,7 @@ def _team(job: Job, workers: int) -> Iterator[Callable[[Round], list[Attempt]]]:
                         "look for lack of memory, and go on with fewer --workers and --resume",
                     ) from None
                 log.warning("a process was killed; making round %d again", round_.index)
+                _kill(pool)
                 pool = _pool(job, workers)
         raise AssertionError
 
@@ -285,13 +283,17 @@ def _pool(job: Job, workers: int) -> ProcessPoolExecutor:
     )
 
 
-def _numbers(round_: Round) -> list[int]:
-    return list(range(round_.first, round_.first + round_.count))
+def _kill(pool: ProcessPoolExecutor) -> None:
+    """End a broken pool with all its processes: one that it started while it broke waits for work
+    for ever, and this process for that one. Python 3.14 has `kill_workers`."""
+    processes = list((pool._processes or {}).values())
+    pool.shutdown(wait=False, cancel_futures=True)
+    for process in processes:
+        process.kill()
 
 
 def _gains_path(job: Job) -> Path:
-    """All gains of the tree so far in one file, which processes map instead of each having them in
-    its memory. It is written anew at each start."""
+    """All gains of the tree so far in one file, which processes map. It is written at each start."""
     return job.folder / "gains.bin"
 
 
