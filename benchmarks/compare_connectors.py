@@ -23,9 +23,8 @@ from tyro.conf import Positional, arg
 
 from physique.experiments.cells import Cells
 from physique.feedback import cma_connect, connect
-from physique.feedback.choice import DEFAULT, Chooser
+from physique.feedback.choice import DEFAULT, ZETA, Chooser
 from physique.feedback.connect import Trunk, make_trunk
-from physique.feedback.grow import ZETA
 from physique.feedback.growth import root
 from physique.feedback.law import BOUND, Law
 from physique.feedback.pushes import random_pushes

@@ -12,8 +12,6 @@ repository, a controller that answers pushes) is said in a line, and the scene i
 from __future__ import annotations
 
 import argparse
-import importlib
-import importlib.util
 import io
 import os
 import sys
@@ -32,9 +30,11 @@ import physique
 from physique import skeleton
 from physique.body.held import Hand
 from physique.character import kinematics
+from physique.character.joint_error import SUCCESS_LIMIT, joint_errors
 from physique.experiments.cells import kept_run
+from physique.feedback.policy import ControllerName
 from physique.render.scene import Scene, stage_runs
-from physique.runs.metrics import SUCCESS_LIMIT, joint_errors
+from physique.runs.run import POLICY
 from physique.simulation.session import PUSH_SECONDS, Hit, Session
 from physique.store import prepare_folder, write_atomic
 
@@ -118,13 +118,10 @@ def blocks() -> Film:
 
 def push(folder: Path) -> Film:
     """One push, answered by LQR and by the tree of the policy in a run's folder."""
-    if importlib.util.find_spec("physique.feedback") is None:
-        raise MissingError("this version has no physique.feedback")
-    policy = folder / "policy.npz"
-    if not policy.is_file():
-        raise MissingError(f"no {policy}: `physique retarget`, then `physique grow` make one")
+    if not (folder / POLICY).is_file():
+        raise MissingError(f"no {folder / POLICY}: `physique retarget`, then `physique grow` make one")
     run = physique.load_run(folder)
-    at, one, answers = _telling_push(run, policy)
+    at, one, answers = _telling_push(run)
     struck, impulse = one
     strength = float(np.linalg.norm(impulse))
     print(f"push: {strength:.0f} Ns on {skeleton.JOINTS[struck.part]} at {at * run.timestep:.2f} s")
@@ -249,7 +246,7 @@ def _stage(
     return replace(scene, actors=actors, camera=camera, route=route)
 
 
-def _telling_push(run: physique.Run, policy: Path) -> tuple[int, tuple[Hit, Array], dict[str, Array]]:
+def _telling_push(run: physique.Run) -> tuple[int, tuple[Hit, Array], dict[str, Array]]:
     """The first of random pushes that the tree survives and LQR does not: when, what, motions."""
     rng = np.random.default_rng(0)
     frames = run.trajectory.frames
@@ -258,20 +255,19 @@ def _telling_push(run: physique.Run, policy: Path) -> tuple[int, tuple[Hit, Arra
         direction = rng.normal(size=3) * np.array([1.0, 1.0, 0.2])
         impulse = rng.uniform(15.0, 60.0) * direction / np.linalg.norm(direction)
         one = Hit(skeleton.INDEX["spine3"], np.zeros(3)), impulse
-        by_lqr = _answer(run, policy, "lqr", at, one)
+        by_lqr = _answer(run, "lqr", at, one)
         if _survives(run, by_lqr):
             continue
-        by_tree = _answer(run, policy, "tree", at, one)
+        by_tree = _answer(run, "tree", at, one)
         if _survives(run, by_tree):
             print(f"push: number {count} of those that were drawn")
             return at, one, {"LQR": by_lqr, "tree": by_tree}
     raise MissingError("of 200 pushes there is none that the tree survives and LQR does not")
 
 
-def _answer(run: physique.Run, path: Path, controller: str, at: int, one: tuple[Hit, Array]) -> Array:
+def _answer(run: physique.Run, controller: ControllerName, at: int, one: tuple[Hit, Array]) -> Array:
     """States (T, 57) of the run under a controller, pushed at a frame."""
-    load_policy = importlib.import_module("physique.feedback.policy").load_policy
-    policy, motion = load_policy(path, controller), run.trajectory
+    policy, motion = run.policy(controller), run.trajectory
     session = Session(run.character(), motion.q[0], motion.v[0])
     q = [session.q]
     for t in range(motion.frames - 1):

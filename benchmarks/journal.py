@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physique.character import kinematics
+from physique.character.joint_error import joint_errors
 from physique.errors import InputError
-from physique.runs.metrics import joint_errors
 from physique.simulation.simulator import Simulator
 from physique.store import prepare_folder, read_npz, write_npz
 from physique.tracking import costs

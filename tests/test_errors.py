@@ -1,12 +1,14 @@
-"""The remedy that suggests a name."""
+"""The exception for bad input, and the remedy that suggests a name."""
 
 from __future__ import annotations
+
+import pickle
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from physique.errors import suggest
+from physique.errors import InputError, suggest
 
 NAMES = ("walk", "punch", "average_woman")
 
@@ -27,3 +29,16 @@ def test_dashes_are_no_likeness() -> None:
 @pytest.mark.parametrize("typed", ["", "zumba", "x.bvh"])
 def test_what_is_near_nothing_gets_the_other_remedy(typed: str) -> None:
     assert suggest(typed, NAMES, "correct the name") == "correct the name"
+
+
+words = st.text(max_size=30)
+
+
+@given(words, words, words, words)
+def test_it_is_one_line_and_goes_from_process_to_process(a: str, b: str, c: str, d: str) -> None:
+    fault = InputError(a, b, c, d)
+    again = pickle.loads(pickle.dumps(fault))
+    assert type(again) is InputError
+    assert vars(again) == vars(fault)
+    assert str(again) == str(fault)
+    assert len(str(fault).splitlines()) == 1

@@ -17,9 +17,11 @@ if TYPE_CHECKING:
     from physique.character.start import start_state
     from physique.character.strength import torque_limits
     from physique.commands.export import export_run
-    from physique.commands.feedback import PushReport, grow_tree, push, stabilize
+    from physique.commands.grow import grow_tree
+    from physique.commands.push import PushReport, push
     from physique.commands.report import write_report
-    from physique.commands.retarget import Progress, export_bvh, retarget
+    from physique.commands.retarget import Progress, RetargetOptions, export_bvh, retarget
+    from physique.commands.stabilize import stabilize
     from physique.errors import InputError
     from physique.feedback.policy import Policy, load_policy
     from physique.motion.clip import Motion
@@ -42,6 +44,7 @@ __all__ = [
     "Progress",
     "PushReport",
     "Reference",
+    "RetargetOptions",
     "Run",
     "Trajectory",
     "Weights",
@@ -81,8 +84,10 @@ _HOME = {
     "physique.motion.clip": ("Motion",),
     "physique.motion.library": ("list_clips",),
     "physique.motion.read": ("read_motion",),
-    "physique.commands.retarget": ("Progress", "export_bvh", "retarget"),
-    "physique.commands.feedback": ("PushReport", "grow_tree", "push", "stabilize"),
+    "physique.commands.retarget": ("Progress", "RetargetOptions", "export_bvh", "retarget"),
+    "physique.commands.grow": ("grow_tree",),
+    "physique.commands.push": ("PushReport", "push"),
+    "physique.commands.stabilize": ("stabilize",),
     "physique.runs.run": ("Run", "load_run"),
     "physique.character.model": ("Character", "make_character"),
     "physique.character.strength": ("torque_limits",),

@@ -18,6 +18,10 @@ class InputError(ValueError):
         text = f"{place}: found {found}; expected {expected}; {remedy}"
         super().__init__(" ".join(text.split()))
 
+    def __reduce__(self) -> tuple[type[InputError], tuple[str, str, str, str]]:
+        # An exception is unpickled from its text alone, unless told otherwise.
+        return type(self), (self.place, self.found, self.expected, self.remedy)
+
 
 def suggest(word: str, known: Iterable[str], otherwise: str) -> str:
     """A remedy for a name that is not there: the nearest of those that are, or the other one."""

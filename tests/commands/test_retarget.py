@@ -107,6 +107,7 @@ def test_the_body_follows_and_the_shapes_are_as_documented(run: Run) -> None:
         "control": (frames - 1, 50),
         "torque": (frames - 1, 50),
         "reference_q": (frames, 57),
+        "shift": (frames, 2),
     }
     assert run.success
     assert run.metrics["mpjpe_mm"] < 60
@@ -119,9 +120,8 @@ def test_the_body_follows_and_the_shapes_are_as_documented(run: Run) -> None:
 
 def test_the_folder_holds_the_run_and_nothing_else(run: Run) -> None:
     assert run.folder is not None
-    assert sorted(p.name for p in run.folder.iterdir()) == sorted(
-        set(NAMES) - {"windows", "policy.npz", "tree.json", "tree"}
-    )
+    visible = [p.name for p in run.folder.iterdir() if not p.name.startswith(".")]
+    assert sorted(visible) == sorted(set(NAMES) - {"windows", "policy.npz", "tree.json", "tree"})
     loaded = physique.load_run(run.folder)
     assert same_motion(loaded, run)
     assert loaded.metrics == json.loads(json.dumps(run.metrics))
@@ -195,6 +195,14 @@ def test_a_run_is_not_replaced_by_accident(run: Run, body: CapsuleBody) -> None:
     with pytest.raises(InputError, match="a run with end"):
         walk(body, out=run.folder, resume=True, end=0.9)
     assert same_motion(physique.load_run(str(run.folder)), run)
+
+
+def test_options_are_one_value_or_names(body: CapsuleBody, run: Run) -> None:
+    options = physique.RetargetOptions(start=START, end=0.9, horizon=0.2)
+    again = physique.retarget("walk", body, options, end=END, out=run.folder, resume=True)
+    assert same_motion(again, run)
+    with pytest.raises(TypeError, match="ends"):
+        physique.retarget("walk", body, ends=0.6)
 
 
 @pytest.mark.usefixtures("hasty")

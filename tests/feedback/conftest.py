@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from physique.commands.feedback import stabilize
 from physique.commands.retarget import retarget
+from physique.commands.stabilize import stabilize
 from physique.experiments.standing import standing
 from physique.feedback.connect import Trunk, make_trunk
 from physique.feedback.growth import root

@@ -11,10 +11,16 @@ import pytest
 
 from command_line import call
 from physique import skeleton
-from physique.commands.feedback import PushReport
+from physique.commands.grow import grow_tree
+from physique.commands.push import PushReport
+from physique.commands.stabilize import stabilize, write_policy
+from physique.errors import InputError
 from physique.experiments import fig6, table1, table2
 from physique.experiments.recovery import longest_step
+from physique.feedback import growth
 from physique.feedback.policy import load_policy
+from physique.runs.run import load_run
+from physique.store import write_json
 
 KEYS = {
     "trials",
@@ -43,8 +49,11 @@ def test_the_commands_work_together(
     assert call(*push) == 2
     assert "physique stabilize" in capfd.readouterr().err
     assert call("stabilize", copy, "--weights", "paper") == 0
-    assert call("stabilize", copy) == 0
+    assert call("stabilize", copy) == 2
+    assert "a policy of the weights paper" in capfd.readouterr().err
+    assert call("stabilize", copy, "--overwrite") == 0
     assert "policy.npz" in capfd.readouterr().out
+    assert "replaces policy.npz" in caplog.text
     assert call(*push, "--controller", "tree") == 2
     assert "physique grow" in capfd.readouterr().err
     assert call(*push, "--controller", "lqr") == 0
@@ -68,12 +77,74 @@ def test_the_commands_work_together(
     assert "the tree is finished" in caplog.text
     assert call(*grow, "--seed", 1, "--resume") == 2
     assert "other options" in capfd.readouterr().err
+    for again in (grow, ["stabilize", copy]):
+        assert call(*again) == 2
+        said = capfd.readouterr().err
+        assert f"tree.json ({tree['perturbed_states']} states" in said
+        assert "--overwrite" in said
+    assert call(*grow, "--resume", "--overwrite") == 2
+    assert "--resume and --overwrite" in capfd.readouterr().err
     assert (copy / "policy.npz").stat().st_mtime_ns == made_at
     assert call(*push, "--controller", "tree") == 0
     made = json.loads(capfd.readouterr().out)
     assert set(made["decision_ms"]) == {"median", "worst"}
     table = table1.table(tree)
     assert len(table.splitlines()) == 2 + len(tree["subtrees"])
+
+
+def test_growing_takes_the_weights_that_are_there(
+    copy: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    folder = tmp_path / "run"
+    shutil.copytree(copy, folder)
+    stabilize(folder, "paper", overwrite=True)
+    before = (folder / "policy.npz").read_bytes()
+    asked: list[str] = []
+
+    def grow(*arguments: object, **_: object) -> None:
+        asked.append(str(arguments[4]))
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(growth, "grow", grow)
+    for weights, overwrite in ((None, False), ("paper", False), ("default", True)):
+        with pytest.raises(KeyboardInterrupt):
+            grow_tree(folder, weights=weights, overwrite=overwrite)
+    assert asked == ["paper", "paper", "default"]
+    assert "growing with its weights, paper" in caplog.text
+    with pytest.raises(InputError, match="a policy of the weights paper; expected default"):
+        grow_tree(folder, weights="default")
+    assert stabilize(folder, "paper").controller == "lqr"
+    assert (folder / "policy.npz").read_bytes() == before
+    monkeypatch.setattr("physique.commands.stabilize.versions", lambda: {})
+    with pytest.raises(InputError, match="a policy of other versions"):
+        stabilize(folder, "paper")
+
+
+def test_a_growth_replaces_a_tree_only_when_it_is_done(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    target = tmp_path / "run"
+    shutil.copytree(folder, target)
+    run = load_run(target)
+    write_policy(run, run.policy().tree, {"weights": "default", "tree": {"seed": 1}})
+    write_json(target / "tree.json", {"perturbed_states": 7, "seconds": 60.0})
+    (target / "tree").mkdir()
+    (target / "tree" / "00000.npz").write_bytes(b"of another growth")
+    with pytest.raises(InputError, match=r"a finished tree of other options, tree\.json \(7 states"):
+        grow_tree(target)
+
+    def stop(*_: object, **__: object) -> None:
+        assert not (target / "tree").exists()
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(growth, "grow", stop)
+    with pytest.raises(KeyboardInterrupt):
+        grow_tree(target, overwrite=True)
+    assert "replaces tree" in caplog.text
+    assert "replaces policy.npz, tree.json (7 states, 60 s of growth)" in caplog.text
+    assert (target / "tree.json").exists()
+    stabilize(target, overwrite=True)
+    assert not (target / "tree.json").exists()
 
 
 @pytest.mark.parametrize(

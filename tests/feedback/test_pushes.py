@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from physique.character import kinematics
-from physique.commands.feedback import push
+from physique.commands.push import push
 from physique.errors import InputError
-from physique.feedback.pushes import body_error, random_pushes, recovery_time
+from physique.feedback.pushes import random_pushes, recovery_time
 from physique.runs.run import Run
 from physique.simulation.rollout import simulate
 from physique.simulation.stepper import Push, Stepper
@@ -40,12 +40,6 @@ def test_a_push_adds_its_impulse(run: Run) -> None:
     velocity = kinematics.com_velocity(pose.com_jacobian, moved.v)
     gained = character.mass * (velocity[-1] - [0, 0, -9.81 * 0.2])
     np.testing.assert_allclose(gained, [10.0, -5.0, 2.0], rtol=0.02, atol=0.1)
-
-
-def test_body_error_is_the_mean_distance() -> None:
-    rng = np.random.default_rng(1)
-    a, b = rng.normal(size=(22, 3)), rng.normal(size=(22, 3))
-    assert body_error(a, b) == pytest.approx(np.linalg.norm(a - b, axis=1).mean())
 
 
 def test_recovery_is_when_the_motion_is_performed_again_for_good() -> None:

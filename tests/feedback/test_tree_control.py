@@ -1,15 +1,10 @@
-"""Online choice, growth, and that a growth can be stopped and damaged."""
+"""Online choice, and branches that lead back to the motion."""
 
 from __future__ import annotations
-
-import logging
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from physique.errors import InputError
-from physique.feedback import growth
 from physique.feedback.choice import DEFAULT, Chooser, distance
 from physique.feedback.connect import ConnectOptions, Trunk, connect, takeover
 from physique.feedback.grow import ROUND, Settings, plan
@@ -18,8 +13,6 @@ from physique.feedback.tree import Tree, grown
 from physique.runs.run import Run
 from physique.simulation.closed_loop import Servo
 from physique.simulation.mujoco_simulator import MujocoSimulator
-
-FEW = Settings(interval=0.3, forces=(900.0,), trials=3)
 
 
 @pytest.fixture(scope="module")
@@ -92,72 +85,3 @@ def test_the_plan_runs_from_the_end_and_halves(trunk: Trunk) -> None:
     assert frames.index(50) > frames.index(0)  # the second pass comes after the first
     assert [r.first for r in rounds] == np.cumsum([0, *(r.count for r in rounds)])[:-1].tolist()
     assert sum(r.count for r in rounds) == 6 * 2 * (ROUND + 2)
-
-
-def grow(run: Run, folder: Path, workers: int = 1, resume: bool = False) -> growth.Growth:
-    motion = run.trajectory
-    return growth.grow(
-        run.character(),
-        motion.q,
-        motion.v,
-        motion.control,
-        "default",
-        FEW,
-        folder,
-        workers=workers,
-        resume=resume,
-    )
-
-
-def same(a: Tree, b: Tree) -> bool:
-    return all(np.array_equal(x, getattr(b, name)) for name, x in vars(a).items())
-
-
-def test_growth_is_the_same_resumed_and_damaged(
-    run: Run, tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    told: list[growth.GrowthProgress] = []
-    motion = run.trajectory
-    whole = growth.grow(
-        run.character(),
-        motion.q,
-        motion.v,
-        motion.control,
-        "default",
-        FEW,
-        tmp_path / "tree",
-        workers=1,
-        resume=False,
-        progress=told.append,
-    )
-    assert whole.tree.branches > 0
-    assert told[-1].done == told[-1].total == len(whole.rounds)
-    assert told[-1].states == whole.tree.branches
-    with pytest.raises(InputError, match="--resume"):
-        grow(run, tmp_path / "tree")
-    # The first round lost, the last damaged: both are made again, the damage is named.
-    paths = sorted((tmp_path / "tree").glob("*.npz"))
-    paths[0].unlink()
-    paths[-1].write_bytes(paths[-1].read_bytes()[:-20])
-    with caplog.at_level(logging.WARNING):
-        again = grow(run, tmp_path / "tree", resume=True)
-    assert paths[-1].name in caplog.text
-    assert same(whole.tree, again.tree)
-    other = Settings(interval=0.3, forces=(900.0,), trials=3, seed=1)
-    with pytest.raises(InputError, match="another growth"):
-        growth.grow(
-            run.character(),
-            motion.q,
-            motion.v,
-            motion.control,
-            "default",
-            other,
-            tmp_path / "tree",
-            workers=1,
-            resume=True,
-        )
-
-
-@pytest.mark.slow
-def test_growth_is_the_same_on_two_processes(run: Run, tmp_path: Path) -> None:
-    assert same(grow(run, tmp_path / "one").tree, grow(run, tmp_path / "two", workers=2).tree)

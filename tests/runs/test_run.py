@@ -1,171 +1,64 @@
-"""Checkpoints: whole ones are used, damaged ones are named and not used."""
+"""A run's policy is its own, or none."""
 
 from __future__ import annotations
 
-import logging
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from physique.errors import InputError
-from physique.runs.run import Checkpoint, Run, finish_run, load_run, open_run, save_window
-from physique.store import write_json
-from physique.tracking.windows import Window
-
-RECORD: dict[str, Any] = {"identity": {"clip": "walk", "seed": 0, "start": None}, "threads": 1}
+from physique.feedback.tree import Tree, save_policy, trunk
+from physique.live.controllers import controllers_of
+from physique.runs.run import POLICY, Run, finish_run, load_run
 
 
-def windows(count: int) -> list[Window]:
-    random = np.random.default_rng(3)
-    found: list[Window] = []
-    for i in range(count):
-        q, v = random.normal(size=(6, 57)), random.normal(size=(6, 56))
-        if found:
-            q[0] = found[-1].q[-1]
-        found.append(
-            Window(
-                start=5 * i,
-                stop=5 * i + 5,
-                q=q,
-                v=v,
-                control=random.normal(size=(5, 50)),
-                torque=random.normal(size=(5, 50)),
-                shift=random.normal(size=2),
-                tail_q=random.normal(size=(3, 57)),
-                tail_v=random.normal(size=(3, 56)),
-                tail_control=random.normal(size=(3, 50)),
-                terms={"com": random.normal(), "root": 0.1},
-                cost=random.normal(),
-                iterations=4,
-                sim_steps=123,
-                status="converged",
-            )
-        )
-    return found
-
-
-def stored(folder: Path, count: int = 3) -> list[Window]:
-    open_run(folder, RECORD, resume=False, overwrite=False)
-    made = windows(count)
-    for i, window in enumerate(made):
-        save_window(folder, i, Checkpoint(window, 1.5), RECORD)
-    return made
-
-
-def resume(folder: Path, record: dict[str, Any] = RECORD) -> list[Window]:
-    return [c.window for c in open_run(folder, record, resume=True, overwrite=False)[1]]
-
-
-def same(a: Window, b: Window) -> bool:
-    return all(
-        np.array_equal(x, y) and type(x) is type(y)
-        for x, y in zip(vars(a).values(), vars(b).values(), strict=True)
-    )
-
-
-def test_windows_come_back_bit_for_bit(tmp_path: Path) -> None:
-    made = stored(tmp_path)
-    found = resume(tmp_path)
-    assert len(found) == 3
-    assert all(same(a, b) for a, b in zip(made, found, strict=True))
-
-
-@pytest.mark.parametrize("damage", ["cut", "flip", "empty", "foreign"])
-def test_a_damaged_checkpoint_is_named_and_what_follows_is_made_anew(
-    tmp_path: Path, damage: str, caplog: pytest.LogCaptureFixture
-) -> None:
-    made = stored(tmp_path)
-    path = tmp_path / "windows" / "0001.npz"
-    data = path.read_bytes()
-    middle = len(data) // 2
-    path.write_bytes(
-        {
-            "cut": data[:middle],
-            "flip": data[:middle] + bytes([data[middle] ^ 255]) + data[middle + 1 :],
-            "empty": b"",
-            "foreign": (tmp_path / "windows" / "0002.npz").read_bytes(),
-        }[damage]
-    )
-    with caplog.at_level(logging.WARNING):
-        found = resume(tmp_path)
-    assert len(found) == 1
-    assert same(found[0], made[0])
-    assert "0001.npz" in caplog.text
-    assert "window 1" in caplog.text
-    assert [p.name for p in (tmp_path / "windows").iterdir()] == ["0000.npz"]
-
-
-def test_a_gap_ends_what_is_used(tmp_path: Path) -> None:
-    stored(tmp_path)
-    (tmp_path / "windows" / "0000.npz").unlink()
-    assert resume(tmp_path) == []
-    assert list((tmp_path / "windows").iterdir()) == []
-
-
-def test_files_that_a_kill_left_half_written_do_no_harm(tmp_path: Path) -> None:
-    stored(tmp_path)
-    (tmp_path / "windows" / ".0003.npz.ab12.part").write_bytes(b"half")
-    assert len(resume(tmp_path)) == 3
-    assert not (tmp_path / "windows" / ".0003.npz.ab12.part").exists()
-
-
-@pytest.mark.parametrize(
-    ("change", "text"),
-    [
-        ({"seed": 1}, "a run with seed 0; expected 1, as asked for now"),
-        ({"clip": "run"}, "a run with clip walk; expected run"),
-        ({"start": 0.5}, "a run with start None; expected 0.5"),
-        ({"extra": True}, "a run with extra None; expected True"),
-    ],
-)
-def test_another_run_is_refused_by_its_difference(tmp_path: Path, change: dict[str, Any], text: str) -> None:
-    stored(tmp_path)
-    with pytest.raises(InputError, match=text):
-        resume(tmp_path, {**RECORD, "identity": {**RECORD["identity"], **change}})
-    assert len(resume(tmp_path, {**RECORD, "threads": 8})) == 3
-
-
-def test_overwrite_removes_the_run_and_only_the_run(tmp_path: Path) -> None:
-    stored(tmp_path)
-    (tmp_path / "notes.txt").write_text("mine")
-    _, found, _ = open_run(tmp_path, RECORD, resume=False, overwrite=True)
-    assert found == []
-    assert list((tmp_path / "windows").iterdir()) == []
-    assert (tmp_path / "notes.txt").read_text() == "mine"
-
-
-def test_a_folder_with_other_files_is_used_and_they_stay(tmp_path: Path) -> None:
-    (tmp_path / "notes.txt").write_text("mine")
-    open_run(tmp_path, RECORD, resume=False, overwrite=False)
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["notes.txt", "run.json", "windows"]
-
-
-def test_files_of_a_run_without_a_record_are_not_overwritten(tmp_path: Path) -> None:
-    (tmp_path / "motion.bvh").write_text("mine")
-    with pytest.raises(InputError, match="files of a run"):
-        open_run(tmp_path, RECORD, resume=False, overwrite=False)
-    assert (tmp_path / "motion.bvh").read_text() == "mine"
-
-
-def test_metrics_of_something_else_are_named(run: Run, tmp_path: Path) -> None:
+@pytest.fixture
+def stored(run: Run, tmp_path: Path) -> Run:
     finish_run(tmp_path, run)
-    write_json(tmp_path / "metrics.json", {})
-    with pytest.raises(InputError, match=r"metrics\.json: found other data"):
-        load_run(tmp_path)
+    return load_run(tmp_path)
 
 
-def test_a_damaged_record_is_named(tmp_path: Path) -> None:
-    stored(tmp_path)
-    (tmp_path / "run.json").write_text('{"format": ')
-    with pytest.raises(InputError, match=r"run\.json"):
-        resume(tmp_path)
+def plain(run: Run) -> Tree:
+    """The run's motion with feedback that does nothing."""
+    motion, none = run.trajectory, np.zeros((run.trajectory.frames, 3))
+    gains = np.zeros((motion.frames - 1, 50, 112))
+    return trunk(motion.q, motion.v, motion.control, none, none, gains)
 
 
-def test_a_file_in_the_place_of_the_folder_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "file"
-    path.write_text("mine")
-    with pytest.raises(InputError, match="a folder that can be written"):
-        open_run(path, RECORD, resume=False, overwrite=False)
-    assert path.read_text() == "mine"
+def test_its_own_is_taken(stored: Run) -> None:
+    with pytest.raises(InputError, match=r"found no policy; .*physique stabilize"):
+        stored.policy()
+    assert list(controllers_of(stored)) == ["replay"]
+    assert stored.folder is not None
+    save_policy(stored.folder / POLICY, stored.character_xml, plain(stored), {})
+    assert stored.policy().controller == "lqr"
+    assert stored.policy("pd").controller == "pd"
+    assert list(controllers_of(stored)) == ["replay", "lqr"]
+    with pytest.raises(InputError, match="without a tree"):
+        stored.policy("tree")
+
+
+@pytest.mark.parametrize("name", ["q", "v", "frames", "model"])
+def test_that_of_another_motion_or_body_is_refused(stored: Run, name: str) -> None:
+    motion, xml = stored.trajectory, stored.character_xml
+    if name == "frames":
+        other = plain(replace(stored, trajectory=motion.beginning(motion.frames - 5)))
+    elif name == "model":
+        other, xml = plain(stored), xml.replace('model="average"', 'model="other"')
+    else:
+        moved = getattr(motion, name).copy()
+        moved[3, 0] += 1e-9
+        other = plain(replace(stored, trajectory=replace(motion, **{name: moved})))
+    assert stored.folder is not None
+    save_policy(stored.folder / POLICY, xml, other, {})
+    for ask in (stored.policy, stored.policy_file, lambda: controllers_of(stored)):
+        with pytest.raises(InputError, match=r"policy\.npz: found a policy of another motion or body"):
+            ask()
+
+
+def test_a_run_in_memory_has_none(run: Run) -> None:
+    assert run.policy_file() is None
+    with pytest.raises(InputError, match="no policy"):
+        run.policy()

@@ -18,13 +18,13 @@ from numpy.typing import NDArray
 from physique import skeleton
 from physique.body.capsule_body import CapsuleBody, Part
 from physique.body.held import Held, held_parts
+from physique.character import premises
 from physique.character.held import held_geoms
 from physique.character.hinges import AXES, HINGES
 from physique.errors import InputError
 
 Array = NDArray[np.float64]
 
-TIMESTEP = 0.01  # s
 STIFFNESS = 700.0  # kp, Nm/rad (section 3)
 DAMPING = 1.0  # kd, Nm s/rad (section 3)
 ARMATURE = 0.01  # kg m2
@@ -86,7 +86,8 @@ def empty_handed(character: Character) -> Character:
 def load_character(xml: str, body: CapsuleBody) -> Character:
     """The character of a model that `make_character` wrote for this body.
 
-    Raises InputError for a text that is no such model.
+    Raises InputError for a text that is no such model, or one that differs in what simulation and
+    derivatives take for granted.
     """
     try:
         model = mujoco.MjModel.from_xml_string(xml)
@@ -94,14 +95,7 @@ def load_character(xml: str, body: CapsuleBody) -> Character:
         raise InputError(
             "character model", str(fault).splitlines()[0], "MJCF of a character", "make the run anew"
         ) from None
-    hinges = tuple(model.joint(i).name for i in range(1, model.njnt))
-    if hinges != tuple(h.name for h in HINGES) or model.nu != len(HINGES):
-        raise InputError(
-            "character model",
-            f"{model.nu} actuators, {model.njnt} joints",
-            f"the {len(HINGES)} hinges of a character and one free joint",
-            "make the run anew",
-        )
+    premises.check(model)
     geom = {model.geom(i).name: i for i in range(model.ngeom)}
     return Character(
         body=body,
@@ -123,7 +117,7 @@ def _spec(body: CapsuleBody, limits: Array, objects: dict[str, Part]) -> mujoco.
     spec.compiler.degree = False
     spec.compiler.autolimits = True
     option = spec.option
-    option.timestep = TIMESTEP
+    option.timestep = premises.TIMESTEP
     option.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
     # Elliptic cones are smoother than pyramids; the ratio keeps soft contacts from creeping
     # sideways; larger ratios cost the constraint solver several times more iterations.

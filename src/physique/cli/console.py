@@ -29,7 +29,7 @@ from physique.errors import InputError
 
 if TYPE_CHECKING:
     from physique.body.describe import BodyFacts
-    from physique.commands.feedback import PushReport
+    from physique.commands.push import PushReport
     from physique.runs.run import Run
 
 

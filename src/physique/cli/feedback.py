@@ -20,18 +20,20 @@ class StabilizeCommand:
     Args:
         run_folder: the folder of a finished run
         weights: default survives most; paper is section 4.1
+        overwrite: replace another policy, with its tree
     """
 
     run_folder: Annotated[Positional[Path], arg(metavar="RUN")]
     weights: Literal["default", "paper"] = "default"
+    overwrite: Flag = False
 
     def run(self) -> None:
         """Stabilise and say where the policy is."""
-        from physique.commands import feedback as robustness
-        from physique.runs import run
+        from physique.commands.stabilize import stabilize
+        from physique.runs.run import POLICY
 
-        robustness.stabilize(self.run_folder, self.weights)
-        console.show_files([self.run_folder / run.POLICY])
+        stabilize(self.run_folder, self.weights, overwrite=self.overwrite)
+        console.show_files([self.run_folder / POLICY])
 
 
 @dataclass(frozen=True)
@@ -47,7 +49,9 @@ class GrowCommand:
         workers: processes; they do not change the tree
         seed: of the pushes
         connector: fast uses derivatives of the simulator; paper is CMA as published, and slow
+        weights: of the feedback, as for stabilize
         resume: go on with a growth that was stopped
+        overwrite: replace the tree that is there
     """
 
     run_folder: Annotated[Positional[Path], arg(metavar="RUN")]
@@ -58,11 +62,15 @@ class GrowCommand:
     workers: Annotated[int | None, left_out("COUNT", "as many as the machine has")] = None
     seed: int = 0
     connector: Literal["fast", "paper"] = "fast"
+    weights: Annotated[
+        Literal["default", "paper"] | None, left_out("default|paper", "those of the policy that is there")
+    ] = None
     resume: Flag = False
+    overwrite: Flag = False
 
     def run(self) -> None:
         """Grow it and show what it is like."""
-        from physique.commands import feedback as robustness
+        from physique.commands.grow import grow_tree
         from physique.feedback.grow import Settings
 
         settings = Settings(
@@ -74,8 +82,14 @@ class GrowCommand:
             parts=tuple(self.parts.split(",")) if self.parts else (),
         )
         with progress.growth(str(self.run_folder)) as report:
-            tree = robustness.grow_tree(
-                self.run_folder, settings, workers=self.workers, resume=self.resume, progress=report
+            tree = grow_tree(
+                self.run_folder,
+                settings,
+                weights=self.weights,
+                workers=self.workers,
+                resume=self.resume,
+                overwrite=self.overwrite,
+                progress=report,
             )
         console.show_tree(tree)
 
@@ -114,10 +128,10 @@ class PushCommand:
 
     def run(self) -> None:
         """Push it and show how it stood that."""
-        from physique.commands import feedback as robustness
+        from physique.commands.push import push
 
         with progress.counting(f"pushing {self.run_folder}", self.trials) as on_trial:
-            report, _ = robustness.push(
+            report, _ = push(
                 self.run_folder,
                 self.impulse,
                 duration=self.duration,

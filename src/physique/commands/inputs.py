@@ -1,12 +1,10 @@
-"""What a run is made from: the body and the limits that options name, and fingerprints of all."""
+"""What a run is made from: the body, the limits and the held object that options name."""
 
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 import math
 from collections.abc import Sequence
-from importlib.metadata import version
 from pathlib import Path
 from typing import Literal
 
@@ -21,7 +19,6 @@ from physique.body.mesh import BodyMesh
 from physique.body.named import PEOPLE, named_body
 from physique.character.strength import torque_limits
 from physique.errors import InputError, suggest
-from physique.motion.read import read_clip
 from physique.reference.target import TERMS, Weights
 
 Array = NDArray[np.float64]
@@ -31,7 +28,6 @@ BodyLike = str | Path | BodyMesh | CapsuleBody
 TorqueLimit = Literal["body"] | float
 
 _STRONGEST = 10_000.0  # Nm, far beyond any joint of any body
-_PACKAGES = ("physique", "mujoco", "numpy", "scipy")
 
 
 def find_body(body: BodyLike) -> tuple[BodyMesh | None, CapsuleBody]:
@@ -108,40 +104,3 @@ def parse_weights(texts: Sequence[str]) -> Weights:
             raise InputError(f"weight {name}", "two values", "one", "leave one out")
         found[name] = value
     return dataclasses.replace(Weights(), **found)  # type: ignore[arg-type]
-
-
-def clip_hash(clip: str | Path) -> str:
-    """SHA-256 of what `read_clip` makes of a file or an embedded clip.
-
-    Of the content, so that line ends and the clip's place on disk do not matter.
-    """
-    return digest(read_clip(clip), skip=("name", "source"))
-
-
-def digest(value: object, skip: tuple[str, ...] = ()) -> str:
-    """SHA-256 of arrays, numbers, strings, and dataclasses and tuples of them."""
-    state = hashlib.sha256()
-    _feed(state, value, skip)
-    return state.hexdigest()
-
-
-def _feed(state: hashlib._Hash, value: object, skip: tuple[str, ...]) -> None:
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        for field in dataclasses.fields(value):
-            if field.name not in skip:
-                state.update(field.name.encode())
-                _feed(state, getattr(value, field.name), skip)
-    elif isinstance(value, tuple | list):
-        state.update(f"({len(value)}".encode())
-        for item in value:
-            _feed(state, item, skip)
-    elif isinstance(value, np.ndarray):
-        state.update(f"{value.dtype.str}{value.shape}".encode())
-        state.update(np.ascontiguousarray(value).tobytes())
-    else:
-        state.update(repr(value).encode())
-
-
-def versions() -> dict[str, str]:
-    """What computed the result: version of each package that decides its bits."""
-    return {name: version(name) for name in _PACKAGES}

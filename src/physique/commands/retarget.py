@@ -6,34 +6,30 @@ import logging
 import math
 import os
 import time
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal, get_args
 
 import numpy as np
 
 from physique.body.held import Held
+from physique.body.mesh import BodyMesh
 from physique.character import kinematics
+from physique.character.joint_error import mean_joint_error
 from physique.character.model import Character, make_character
 from physique.character.start import start_state
-from physique.commands.inputs import (
-    BodyLike,
-    TorqueLimit,
-    clip_hash,
-    digest,
-    find_body,
-    find_limits,
-    versions,
-)
+from physique.commands.inputs import BodyLike, TorqueLimit, find_body, find_limits
 from physique.errors import InputError
 from physique.export.bvh import write_body_bvh
 from physique.motion.clip import Motion
-from physique.motion.read import read_motion
+from physique.motion.read import read_clip, read_motion
+from physique.provenance import digest, versions
 from physique.reference.reference import Reference, make_reference
 from physique.reference.target import Weights
-from physique.runs import metrics, run
-from physique.runs.run import Checkpoint, Run
+from physique.runs import metrics
+from physique.runs.folder import Checkpoint, RunFolder, open_run
+from physique.runs.run import BVH, Run
 from physique.simulation.mujoco_simulator import MujocoSimulator
 from physique.simulation.process import quiet
 from physique.simulation.simulator import Simulator
@@ -55,6 +51,72 @@ _LONGEST_HORIZON = 5.0  # s
 
 
 @dataclass(frozen=True)
+class RetargetOptions:
+    """What decides a run, besides the clip and the body. Raises InputError for what cannot be.
+
+    fps: the recording's true frame rate, where its header is wrong. start, end: s, the part.
+    mapping: a TOML file for a skeleton that is not recognised. These four belong to the reading of
+        a clip and are not used for a motion that was read.
+    optimizer: "fast" (derivatives) or "paper" (CMA as published; about a thousand times dearer).
+    torque_limit: "body", limits that fit the person's mass and stature, or Nm for all joints.
+    horizon: s that each window looks ahead. weights: of the terms of E (Eq. 2).
+    hold: an object in a hand or one in each; the performer holds none. seed: of all random draws.
+    """
+
+    fps: float | None = None
+    start: float | None = None
+    end: float | None = None
+    mapping: Path | None = None
+    optimizer: OptimizerName = "fast"
+    torque_limit: TorqueLimit = "body"
+    horizon: float | None = None
+    weights: Weights = field(default_factory=Weights)
+    hold: Held | None = None
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if self.optimizer not in get_args(OptimizerName):
+            raise InputError("optimizer", repr(self.optimizer), "fast or paper", "choose one of the two")
+        longest, horizon = _LONGEST_HORIZON, self.horizon
+        if horizon is not None and not _SHORTEST_HORIZON <= horizon <= longest:
+            found, expected = f"{horizon:g} s", f"{_SHORTEST_HORIZON:g} to {longest:g} s"
+            raise InputError("horizon", found, expected, "correct the value")
+        if self.seed < 0 or self.seed >= 2**32:
+            raise InputError("seed", str(self.seed), "0 to 4294967295", "correct the value")
+
+    @property
+    def schedule(self) -> Schedule:
+        """What windows look ahead and keep."""
+        schedule = SCHEDULES[self.optimizer]
+        if self.horizon is None:
+            return schedule
+        horizon = float(self.horizon)
+        # Nothing is kept that was not looked at.
+        return replace(schedule, horizon=horizon, commit=min(schedule.commit, horizon))
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """All of it for `run.json`."""
+        schedule, hold = self.schedule, self.hold
+        return {
+            "fps": self.fps,
+            "start": self.start,
+            "end": self.end,
+            "optimizer": self.optimizer,
+            "torque_limit": self.torque_limit,
+            **{f"weight_{name}": value for name, value in self.weights.terms.items()},
+            "joint_weights_sha256": digest(self.weights.joints),
+            "hold": None if hold is None else str(hold),
+            "hand": None if hold is None else hold.hand,
+            "horizon": schedule.horizon,
+            "commit": schedule.commit,
+            "careful_commit": schedule.careful,
+            "hard": schedule.hard,
+            "seed": self.seed,
+        }
+
+
+@dataclass(frozen=True)
 class Progress:
     """How far a run is.
 
@@ -72,37 +134,38 @@ class Progress:
     error: float | None
 
 
+@dataclass(frozen=True)
+class _Task:
+    """A character that is to perform a reference from the state q0 (57,), v0 (56,)."""
+
+    character: Character
+    mesh: BodyMesh | None
+    reference: Reference
+    q0: np.ndarray
+    v0: np.ndarray
+    options: RetargetOptions
+    record: dict[str, Any]
+    threads: int
+
+
 def retarget(
     clip: str | Path | Motion,
     body: BodyLike = "average",
+    options: RetargetOptions | None = None,
     *,
-    fps: float | None = None,
-    start: float | None = None,
-    end: float | None = None,
-    mapping: Path | None = None,
-    optimizer: OptimizerName = "fast",
-    torque_limit: TorqueLimit = "body",
-    horizon: float | None = None,
-    weights: Weights | None = None,
-    hold: Held | None = None,
-    seed: int = 0,
     threads: int | None = None,
     out: PathLike | None = None,
     resume: bool = False,
     overwrite: bool = False,
     progress: Callable[[Progress], None] | None = None,
+    **changes: Any,
 ) -> Run:
     """Make the body perform the clip under physics.
 
-    clip: a file, an embedded clip's name or a motion that was read (then `fps`, `start`, `end` and
-        `mapping`, which belong to the reading, are not used).
+    clip: a file, an embedded clip's name or a motion that was read.
     body: a ready body's name, a body file, a mesh or a capsule body.
-    fps: the recording's true frame rate, where its header is wrong. start, end: s, the part.
-    mapping: a TOML file for a skeleton that is not recognised.
-    optimizer: "fast" (derivatives) or "paper" (CMA as published; about a thousand times dearer).
-    torque_limit: "body", limits that fit the person's mass and stature, or Nm for all joints.
-    horizon: s that each window looks ahead. weights: of the terms of E (Eq. 2).
-    hold: an object in a hand or one in each; the performer holds none. seed: of all random draws.
+    options: what else decides the run; its defaults if left out. changes: fields of it by name, as
+        in `retarget("walk", "heavy", end=1.0, torque_limit=100)`.
     threads: that simulate; all processors, up to 8, if left out. They do not change the result.
     out: a folder; finished windows are kept there, so that a run that was stopped goes on with
         `resume`, to the same bits. `overwrite` replaces a run that is there.
@@ -110,14 +173,31 @@ def retarget(
     A body that cannot follow gives a run too: see `Run.success` and its metrics. Raises InputError
     for input that cannot be used, before anything is written.
     """
-    schedule = _schedule(optimizer, horizon)
-    weights = weights or Weights()
-    workers = _threads(threads)
-    _check_seed(seed)
-    motion = read_clip_part(clip, fps, start, end, mapping)
+    options = replace(options or RetargetOptions(), **changes)
+    task = _prepare(clip, body, options, _threads(threads))
+    if out is None:
+        return _perform(task, None, progress)
+    with open_run(out, task.record, resume=resume, overwrite=overwrite) as folder:
+        if folder.finished is not None:
+            return folder.finished
+        run = _perform(task, folder, progress)
+        export_bvh(folder.path / BVH, task.character, run.trajectory)
+        return folder.finish(run)
+
+
+def _prepare(clip: str | Path | Motion, body: BodyLike, options: RetargetOptions, threads: int) -> _Task:
+    """All that comes before the first window."""
+    if isinstance(clip, Motion):
+        motion, clip_sha256 = clip, digest(clip, ("source",))
+    else:
+        source = read_clip(clip)
+        # Of the content, so that line ends and the clip's place on disk do not matter.
+        clip_sha256 = digest(source, skip=("name", "source"))
+        motion = read_motion(
+            source, fps=options.fps, start=options.start, end=options.end, mapping=options.mapping
+        )
     mesh, capsules = find_body(body)
-    limits = find_limits(torque_limit, capsules)
-    character = make_character(capsules, limits, hold)
+    character = make_character(capsules, find_limits(options.torque_limit, capsules), options.hold)
     reference = make_reference(motion, character)
     if reference.frames < 2:
         raise InputError(
@@ -129,71 +209,30 @@ def retarget(
     record = {
         "identity": {
             "clip": motion.name,
-            "clip_sha256": digest(motion, ("source",)) if isinstance(clip, Motion) else clip_hash(clip),
+            "clip_sha256": clip_sha256,
             "motion_sha256": digest(reference),
             "body": capsules.name,
             "body_sha256": digest(capsules),
             "character_sha256": digest(character.xml),
-            "fps": fps,
-            "start": start,
-            "end": end,
-            "optimizer": optimizer,
-            "torque_limit": torque_limit,
-            **{f"weight_{name}": value for name, value in weights.terms.items()},
-            "joint_weights_sha256": digest(weights.joints),
-            "hold": None if hold is None else str(hold),
-            "hand": None if hold is None else hold.hand,
-            "horizon": schedule.horizon,
-            "commit": schedule.commit,
-            "careful_commit": schedule.careful,
-            "hard": schedule.hard,
-            "seed": seed,
+            **options.identity,
             "versions": versions(),
         },
         "clip_source": motion.source,
-        "mapping": None if mapping is None else str(mapping),
-        "threads": workers,
+        "mapping": None if options.mapping is None else str(options.mapping),
+        "threads": threads,
     }
     q0, v0 = start_state(character, reference.q[0], reference.v[0], reference.contacts[0])
-    folder: Path | None = None
-    done: list[Checkpoint] = []
-    if out is not None:
-        folder, done, finished = run.open_run(out, record, resume=resume, overwrite=overwrite)
-        if finished is not None:
-            return finished
-    checkpoints = done + _track(
-        character,
-        reference,
-        q0,
-        v0,
-        schedule,
-        weights,
-        optimizer,
-        seed,
-        workers,
-        folder,
-        record,
-        done,
-        progress,
-    )
-    windows = [c.window for c in checkpoints]
-    trajectory = join(reference, q0, v0, windows)
-    report = _report(character, reference, trajectory, checkpoints, weights, seed)
+    return _Task(character, mesh, reference, q0, v0, options, record, threads)
+
+
+def _perform(task: _Task, folder: RunFolder | None, progress: Callable[[Progress], None] | None) -> Run:
+    """The run; its windows are kept in the folder as they come."""
+    done = () if folder is None else folder.checkpoints
+    checkpoints = [*done, *_track(task, done, folder, progress)]
+    trajectory = join(task.reference, task.q0, task.v0, [c.window for c in checkpoints])
+    report, hold = _report(task, trajectory, checkpoints), task.options.hold
     report["held_mass_kg"] = 0.0 if hold is None else hold.mass * len(hold.hands)
-    result = Run(record, report, trajectory, character.xml, capsules, mesh)
-    if folder is None:
-        return result
-    export_bvh(folder / run.BVH, character, trajectory)
-    return run.finish_run(folder, result)
-
-
-def read_clip_part(
-    clip: str | Path | Motion, fps: float | None, start: float | None, end: float | None, mapping: Path | None
-) -> Motion:
-    """`read_motion`, or the motion itself."""
-    if isinstance(clip, Motion):
-        return clip
-    return read_motion(clip, fps=fps, start=start, end=end, mapping=mapping)
+    return Run(task.record, report, trajectory, task.character.xml, task.character.body, task.mesh)
 
 
 def export_bvh(path: PathLike, character: Character, trajectory: Trajectory) -> Path:
@@ -203,21 +242,13 @@ def export_bvh(path: PathLike, character: Character, trajectory: Trajectory) -> 
 
 
 def _track(
-    character: Character,
-    reference: Reference,
-    q0: np.ndarray,
-    v0: np.ndarray,
-    schedule: Schedule,
-    weights: Weights,
-    optimizer: OptimizerName,
-    seed: int,
-    threads: int,
-    folder: Path | None,
-    record: dict[str, Any],
-    done: list[Checkpoint],
+    task: _Task,
+    done: Sequence[Checkpoint],
+    folder: RunFolder | None,
     progress: Callable[[Progress], None] | None,
 ) -> list[Checkpoint]:
     """The windows that are not done yet, each stored as soon as it is."""
+    character, reference, options = task.character, task.reference, task.options
     found: list[Checkpoint] = []
     total = (reference.frames - 1) * reference.timestep
     error: float | None = None
@@ -230,16 +261,16 @@ def _track(
             progress(Progress(name, at, total, len(done) + len(found), iteration, cost, error))
 
     tell(0, None)
-    with quiet(), MujocoSimulator(character, threads) as simulator:
+    with quiet(), MujocoSimulator(character, task.threads) as simulator:
         windows = track(
             character,
             reference,
-            q0,
-            v0,
+            task.q0,
+            task.v0,
             simulator,
-            _optimizer(optimizer, schedule.hard, seed, tell),
-            schedule,
-            weights,
+            _optimizer(options, tell),
+            options.schedule,
+            options.weights,
             [c.window for c in done],
         )
         clock = time.perf_counter()
@@ -254,48 +285,35 @@ def _track(
             checkpoint = Checkpoint(window, now - clock)
             clock = now
             if folder is not None:
-                run.save_window(folder, len(done) + len(found), checkpoint, record)
+                folder.save(len(done) + len(found), checkpoint)
             found.append(checkpoint)
             error = _error(character, reference, window)
             tell(0, window.cost)
     return found
 
 
-def _optimizer(
-    name: OptimizerName, hard: float, seed: int, tell: Callable[[int, float | None], None]
-) -> Optimizer:
-    if name == "paper":
-        options = cma.CmaOptions(seed=seed)
-
-        def paper(problem: Problem, simulator: Simulator, nominal: Any) -> Solution:
-            return cma.solve(problem, simulator, nominal, options, tell)
-
-        return paper
+def _optimizer(options: RetargetOptions, tell: Callable[[int, float | None], None]) -> Optimizer:
+    def paper(problem: Problem, simulator: Simulator, nominal: Any) -> Solution:
+        return cma.solve(problem, simulator, nominal, cma.CmaOptions(seed=options.seed), tell)
 
     def fast(problem: Problem, simulator: Simulator, nominal: Any) -> Solution:
-        return ddp.solve(problem, simulator, nominal, ddp.DdpOptions(hard=hard), tell)
+        return ddp.solve(problem, simulator, nominal, ddp.DdpOptions(hard=options.schedule.hard), tell)
 
-    return fast
+    return paper if options.optimizer == "paper" else fast
 
 
 def _error(character: Character, reference: Reference, window: Window) -> float:
     """Mean joint error, m, of a window's kept frames."""
     joints = kinematics.joint_positions(character, window.q[1:])
     wanted = reference.joints[window.start + 1 : window.stop + 1] + np.array([*window.shift, 0])
-    return float(metrics.joint_errors(joints, wanted).mean())
+    return mean_joint_error(joints, wanted)
 
 
-def _report(
-    character: Character,
-    reference: Reference,
-    trajectory: Trajectory,
-    checkpoints: list[Checkpoint],
-    weights: Weights,
-    seed: int,
-) -> dict[str, Any]:
+def _report(task: _Task, trajectory: Trajectory, checkpoints: Sequence[Checkpoint]) -> dict[str, Any]:
     """All metrics: those of the motion, and what it took to find it."""
     windows = [c.window for c in checkpoints]
-    report = metrics.measure(character, reference, trajectory, windows, weights)
+    character, options = task.character, task.options
+    report = metrics.measure(character, task.reference, trajectory, windows, options.weights)
     for entry, checkpoint in zip(report["windows"], checkpoints):
         entry["wall_s"] = checkpoint.wall_s
     steps = sum(w.sim_steps for w in windows)
@@ -309,26 +327,9 @@ def _report(
         "sim_steps_per_motion_s": steps / seconds if seconds else None,
         "wall_s": wall,
         "wall_s_per_motion_s": wall / seconds if seconds else None,
-        "seed": seed,
+        "seed": options.seed,
         "versions": versions(),
     }
-
-
-def _schedule(optimizer: OptimizerName, horizon: float | None) -> Schedule:
-    if optimizer not in get_args(OptimizerName):
-        raise InputError("optimizer", repr(optimizer), "fast or paper", "choose one of the two")
-    schedule = SCHEDULES[optimizer]
-    if horizon is None:
-        return schedule
-    if not (math.isfinite(horizon) and _SHORTEST_HORIZON <= horizon <= _LONGEST_HORIZON):
-        raise InputError(
-            "horizon",
-            f"{horizon:g} s",
-            f"{_SHORTEST_HORIZON:g} to {_LONGEST_HORIZON:g} s",
-            "correct the value",
-        )
-    # Nothing is kept that was not looked at.
-    return replace(schedule, horizon=float(horizon), commit=min(schedule.commit, float(horizon)))
 
 
 def _threads(threads: int | None) -> int:
@@ -337,8 +338,3 @@ def _threads(threads: int | None) -> int:
     if threads < 1:
         raise InputError("threads", str(threads), "at least 1", "correct the value")
     return threads
-
-
-def _check_seed(seed: int) -> None:
-    if seed < 0 or seed >= 2**32:
-        raise InputError("seed", str(seed), "0 to 4294967295", "correct the value")

@@ -13,9 +13,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from physique.commands.inputs import BodyLike, versions
+from physique.commands.inputs import BodyLike
 from physique.commands.retarget import retarget
 from physique.motion.clip import Motion
+from physique.provenance import versions
 from physique.runs.run import Run
 from physique.store import prepare_folder, read_json, write_json
 

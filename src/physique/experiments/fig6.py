@@ -21,14 +21,14 @@ from tyro.conf import Positional, arg
 from physique import skeleton
 from physique.character import kinematics
 from physique.commands.bodies import write_png
-from physique.feedback.policy import ControllerName, load_policy
+from physique.feedback.policy import ControllerName
 from physique.feedback.pushes import Trial, run_trial
 from physique.render import palette
 from physique.render.picture import animation, strip
 from physique.render.raster import Image
 from physique.render.scene import Actor, make_actor, stage
 from physique.render.surface import surface
-from physique.runs.run import POLICY, Run, load_run
+from physique.runs.run import Run, load_run
 from physique.simulation.mujoco_simulator import MujocoSimulator
 from physique.simulation.process import quiet
 from physique.simulation.stepper import Push
@@ -93,7 +93,7 @@ def main(arguments: list[str] | None = None) -> None:
     names: tuple[ControllerName, ...] = ("lqr", "tree")
     found: dict[str, Trial] = {}
     for name in names:
-        policy = load_policy(options.run / POLICY, name)
+        policy = run.policy(name)
         with quiet(), MujocoSimulator(character, 1) as simulator:
             found[name] = run_trial(simulator, policy, push, joints, to_end=True)
     for label, trial in found.items():

@@ -21,15 +21,15 @@ from tyro.conf import Positional, arg
 from physique import skeleton
 from physique.character import kinematics
 from physique.commands.bodies import write_png
-from physique.commands.feedback import MARGIN
+from physique.commands.push import MARGIN
 from physique.errors import InputError
 from physique.experiments.fig6 import pushed_actors, pushed_strip
 from physique.export.video import encode
-from physique.feedback.policy import ControllerName, load_policy
+from physique.feedback.policy import ControllerName
 from physique.feedback.pushes import Trial, random_pushes, run_trial
 from physique.render.sampling import RATE, frames_at
 from physique.render.scene import stage
-from physique.runs.run import POLICY, Run, load_run
+from physique.runs.run import Run, load_run
 from physique.simulation.mujoco_simulator import MujocoSimulator
 from physique.simulation.process import quiet
 
@@ -107,7 +107,7 @@ def find(options: Recovery, run: Run) -> tuple[Step, dict[str, Trial]]:
     Raises InputError where there is none among the trials.
     """
     names: tuple[ControllerName, ...] = ("lqr", "tree")
-    policies = {name: load_policy(options.run / POLICY, name) for name in names}
+    policies = {name: run.policy(name) for name in names}
     timestep, seconds = policies["lqr"].timestep, policies["lqr"].seconds
     pushes = random_pushes(
         np.random.default_rng(options.seed),

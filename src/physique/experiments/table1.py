@@ -17,7 +17,7 @@ from typing import Annotated, Any
 import tyro
 from tyro.conf import Positional, arg
 
-from physique.commands.feedback import grow_tree
+from physique.commands.grow import grow_tree
 from physique.feedback.grow import Settings
 from physique.store import write_atomic
 
@@ -36,6 +36,7 @@ class Table1:
         workers: processes
         seed: of the pushes
         resume: go on with a growth that was stopped
+        overwrite: replace the tree that is there
     """
 
     run: Annotated[Positional[Path], arg(metavar="RUN")]
@@ -43,6 +44,7 @@ class Table1:
     workers: int | None = None
     seed: int = 0
     resume: bool = False
+    overwrite: bool = False
 
 
 def table(tree: dict[str, Any]) -> str:
@@ -65,7 +67,9 @@ def main(arguments: list[str] | None = None) -> None:
     """Grow, print and store the table."""
     options = tyro.cli(Table1, args=arguments)
     settings = Settings(forces=FORCES, trials=options.trials, seed=options.seed)
-    tree = grow_tree(options.run, settings, workers=options.workers, resume=options.resume)
+    tree = grow_tree(
+        options.run, settings, workers=options.workers, resume=options.resume, overwrite=options.overwrite
+    )
     text = table(tree)
     write_atomic(options.run / "table1.md", text.encode())
     sys.stdout.write(text)

@@ -15,8 +15,9 @@ from typing import Annotated
 import tyro
 from tyro.conf import arg
 
-from physique.commands.feedback import PushReport, push, stabilize
+from physique.commands.push import PushReport, push
 from physique.commands.retarget import retarget
+from physique.commands.stabilize import stabilize
 from physique.experiments.standing import standing
 from physique.store import prepare_folder, write_atomic
 

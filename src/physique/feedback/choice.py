@@ -15,6 +15,8 @@ from physique.simulation.probes import Probes
 
 Array = NDArray[np.float64]
 
+#: zeta of Algorithm 1: L of Eq. 21 below which the tree stands a state.
+ZETA = 1.5
 _JOINTS = joint_weights()
 #: L of a fall after one step; it is the less, the longer the body stands.
 _FALL = 1e6

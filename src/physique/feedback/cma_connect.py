@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physique.character import kinematics
-from physique.feedback.choice import along, distance, features
+from physique.feedback.choice import ZETA, along, distance, features
 from physique.feedback.connect import Trunk, make_branch
 from physique.feedback.law import BOUND, path
 from physique.feedback.tree import Branch, Tree
@@ -38,7 +38,7 @@ class CmaConnectOptions:
     sigma: float = 0.2
     ahead: int = 110
     alpha: int = 25
-    zeta: float = 1.5
+    zeta: float = ZETA
 
 
 def connect(

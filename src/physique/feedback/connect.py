@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physique.character import kinematics
+from physique.character.joint_error import SUCCESS_LIMIT, mean_joint_error
 from physique.feedback import lqr
 from physique.feedback.law import BOUND
-from physique.feedback.pushes import SURVIVAL_LIMIT
 from physique.feedback.recovery import recovery_target
 from physique.feedback.tree import GAIN_TYPE, STRIDE, Branch
 from physique.reference.target import Target
@@ -108,7 +108,7 @@ def connect(
         keep = end - at if end == trunk.last else options.keep
         motion_found, at = found.rollout, at + keep
         off = _error(simulator, trunk, motion_found.q[keep], at)
-        if not np.isfinite(found.cost) or off > SURVIVAL_LIMIT:
+        if not np.isfinite(found.cost) or off > SUCCESS_LIMIT:
             return None
         qs.append(motion_found.q[1 : keep + 1])
         vs.append(motion_found.v[1 : keep + 1])
@@ -187,4 +187,4 @@ def make_branch(
 def _error(simulator: Simulator, trunk: Trunk, q: Array, frame: int) -> float:
     """Mean body position error, m, of q (57,) at a frame."""
     joints = kinematics.joint_positions(simulator.character, q[None])[0]
-    return float(np.linalg.norm(joints - trunk.joints[frame], axis=1).mean())
+    return mean_joint_error(joints, trunk.joints[frame])

@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from physique import skeleton
 from physique.errors import InputError
 from physique.feedback import cma_connect, connect
-from physique.feedback.choice import DEFAULT, Chooser
+from physique.feedback.choice import DEFAULT, ZETA, Chooser
 from physique.feedback.connect import Trunk
 from physique.feedback.law import BOUND, Law
 from physique.feedback.pushes import random_pushes
@@ -36,8 +36,15 @@ Connector = Literal["fast", "paper"]
 #: Trials that meet the same tree; it must not depend on the number of workers.
 ROUND = 8
 PUSH = 0.1  # s
-#: L of Eq. 21 below which a state is in chi_k.
-ZETA = 1.5
+#: What else decides a tree, and must be the same for all of it.
+METHOD: dict[str, Any] = {
+    "round": ROUND,
+    "push": PUSH,
+    "zeta": ZETA,
+    "choice": asdict(DEFAULT),
+    "fast": asdict(connect.ConnectOptions()),
+    "paper": asdict(cma_connect.CmaConnectOptions()),
+}
 
 
 @dataclass(frozen=True)
@@ -82,6 +89,11 @@ class Round:
     force: float
     first: int
     count: int
+
+    @property
+    def numbers(self) -> range:
+        """Of its trials."""
+        return range(self.first, self.first + self.count)
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,6 @@ again against the same tree as before, to the same bits, and the rounds after it
 from __future__ import annotations
 
 import ctypes
-import hashlib
 import json
 import logging
 import multiprocessing
@@ -19,9 +18,11 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import asdict, dataclass, fields
+from functools import cache, cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,12 +31,13 @@ from physique.body.capsule_body import CapsuleBody
 from physique.character.model import Character, load_character
 from physique.errors import InputError
 from physique.feedback.connect import Trunk, make_trunk
-from physique.feedback.grow import Attempt, Grower, Round, Settings, plan
+from physique.feedback.grow import METHOD, Attempt, Grower, Round, Settings, plan
 from physique.feedback.lqr import WeightsName
 from physique.feedback.tree import GAIN_TYPE, Branch, Tree, grown, trunk
+from physique.provenance import digest, fingerprint, require_same, versions
 from physique.simulation.mujoco_simulator import MujocoSimulator
 from physique.simulation.process import quiet
-from physique.store import prepare_folder, read_npz, write_npz
+from physique.store import prepare_folder, read_json, read_npz, write_json, write_npz
 
 Array = NDArray[np.float64]
 
@@ -59,14 +61,22 @@ class Job:
     settings: Settings
     folder: Path
 
-    @property
+    @cached_property
+    def identity(self) -> dict[str, Any]:
+        """All that decides the tree."""
+        return {
+            **asdict(self.settings),
+            "weights": self.weights,
+            "motion_sha256": digest((self.q, self.v, self.control)),
+            "character_sha256": digest(self.xml),
+            "versions": versions(),
+            "method": METHOD,
+        }
+
+    @cached_property
     def fingerprint(self) -> str:
         """What tells rounds of this growth from those of another."""
-        told = json.dumps([asdict(self.settings), self.weights, self.xml], sort_keys=True)
-        state = hashlib.sha256(told.encode())
-        for array in (self.q, self.v, self.control):
-            state.update(np.ascontiguousarray(array).tobytes())
-        return state.hexdigest()
+        return fingerprint(self.identity)
 
 
 @dataclass(frozen=True)
@@ -124,7 +134,6 @@ def grow(
     job = Job(character.xml, character.body, q, v, control, weights, settings, folder)
     rounds = plan(settings, len(q), float(character.model.opt.timestep))
     done = _open(job, rounds, resume)
-    _free_at_once()
     with quiet(), MujocoSimulator(character, 1) as simulator:
         start = root(make_trunk(simulator, q, v, control, weights))
     _gains_path(job).write_bytes(start.gains.tobytes())
@@ -178,14 +187,18 @@ def _progress(rounds: Sequence[Round], done: dict[int, Done], now: int, left: fl
 
 
 class _Worker:
-    """One process's share: a grower, and how many rounds it has met. Rounds come in their order."""
+    """One process's share: a grower, and how many rounds it has met, which come in their order.
+    MuJoCo keeps silent until it is closed."""
 
     def __init__(self, job: Job) -> None:
         self._job = job
-        self._simulator = MujocoSimulator(load_character(job.xml, job.body), 1)
-        motion = make_trunk(self._simulator, job.q, job.v, job.control, job.weights)
-        self._grower = Grower(self._simulator, motion, job.settings)
         self._met = 0
+        with ExitStack() as stack:
+            stack.enter_context(quiet())
+            simulator = stack.enter_context(MujocoSimulator(load_character(job.xml, job.body), 1))
+            motion = make_trunk(simulator, job.q, job.v, job.control, job.weights)
+            self._grower = Grower(simulator, motion, job.settings)
+            self.close = stack.pop_all().close
 
     def attempt(self, round_: Round, number: int) -> Attempt:
         """A trial of a round, against the tree of all rounds before it."""
@@ -196,27 +209,24 @@ class _Worker:
             self._met = round_.index
         return self._grower.attempt(round_, number)
 
-    def close(self) -> None:
-        """Stop its threads."""
-        self._simulator.close()
+
+_job: Job | None = None  # of a process in the pool, which has no other memory
 
 
-_worker: _Worker | None = None
+@cache
+def _worker() -> _Worker:
+    # At the first trial: a fault here would pass for a killed process in `_begin`.
+    assert _job is not None
+    return _Worker(_job)
 
 
 def _begin(job: Job) -> None:
-    global _worker
+    """Prepare a process that does nothing but grow, and lives as long as its parent at most."""
+    global _job
+    _job = job
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    _free_at_once()
-    # MuJoCo's messages go for good: this process does nothing else.
-    silence = quiet()
-    silence.__enter__()
-    _worker = _Worker(job)
-
-
-def _free_at_once() -> None:
-    """Have large arrays returned to the system as soon as they are freed, where the C library is
-    glibc, which otherwise comes to keep them: half of a process's memory."""
+    # Large arrays go back to the system as soon as they are freed, where the C library is glibc,
+    # which otherwise comes to keep them: half of a process's memory.
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
     if mallopt is not None:
         mallopt(_M_MMAP_THRESHOLD, _LARGE)
@@ -231,20 +241,15 @@ def _end_with_parent() -> None:
 
 
 def _attempt(round_: Round, number: int) -> Attempt:
-    assert _worker is not None
-    return _worker.attempt(round_, number)
+    return _worker().attempt(round_, number)
 
 
 @contextmanager
 def _team(job: Job, workers: int) -> Iterator[Callable[[Round], list[Attempt]]]:
     """What makes all trials of a round, in their order."""
     if workers == 1:
-        with quiet():
-            alone = _Worker(job)
-            try:
-                yield lambda round_: [alone.attempt(round_, n) for n in _numbers(round_)]
-            finally:
-                alone.close()
+        with closing(_Worker(job)) as alone:
+            yield lambda round_: [alone.attempt(round_, n) for n in round_.numbers]
         return
     pool = _pool(job, workers)
 
@@ -252,12 +257,17 @@ def _team(job: Job, workers: int) -> Iterator[Callable[[Round], list[Attempt]]]:
         nonlocal pool
         for left in range(_ATTEMPTS - 1, -1, -1):
             try:
-                numbers = _numbers(round_)
-                return list(pool.map(_attempt, [round_] * len(numbers), numbers))
+                return list(pool.map(_attempt, [round_] * round_.count, round_.numbers))
             except BrokenProcessPool:
                 if left == 0:
-                    raise
+                    raise InputError(
+                        str(job.folder),
+                        f"that processes were killed {_ATTEMPTS} times in round {round_.index}",
+                        f"{workers} processes that live",
+                        "look for lack of memory, and go on with fewer --workers and --resume",
+                    ) from None
                 log.warning("a process was killed; making round %d again", round_.index)
+                _kill(pool)
                 pool = _pool(job, workers)
         raise AssertionError
 
@@ -273,13 +283,17 @@ def _pool(job: Job, workers: int) -> ProcessPoolExecutor:
     )
 
 
-def _numbers(round_: Round) -> list[int]:
-    return list(range(round_.first, round_.first + round_.count))
+def _kill(pool: ProcessPoolExecutor) -> None:
+    """End a broken pool with all its processes: one that it started while it broke waits for work
+    for ever, and this process for that one. Python 3.14 has `kill_workers`."""
+    processes = list((pool._processes or {}).values())
+    pool.shutdown(wait=False, cancel_futures=True)
+    for process in processes:
+        process.kill()
 
 
 def _gains_path(job: Job) -> Path:
-    """All gains of the tree so far in one file, which processes map instead of each having them in
-    its memory. It is written anew at each start."""
+    """All gains of the tree so far in one file, which processes map. It is written at each start."""
     return job.folder / "gains.bin"
 
 
@@ -347,7 +361,7 @@ def _load(job: Job, index: int) -> tuple[Done, tuple[Branch, ...]]:
             str(path),
             "a round of another growth",
             "one with the same options and motion",
-            "resume with those, or remove the folder to grow anew",
+            "resume with those, or grow anew with --overwrite",
         )
     return found, branches
 
@@ -365,9 +379,14 @@ def _open(job: Job, rounds: Sequence[Round], resume: bool) -> dict[int, Done]:
             str(folder),
             "a growth that was stopped",
             "none",
-            "add --resume to go on with it, or remove the folder",
+            "add --resume to go on with it, or --overwrite to grow anew",
         )
     prepare_folder(folder)
+    about = folder / "growth.json"
+    if resume and about.is_file():
+        remedy = "resume with the same options and inputs, or grow anew with --overwrite"
+        require_same(about, "a growth", read_json(about), job.identity, remedy)
+    write_json(about, job.identity)
     done: dict[int, Done] = {}
     for round_ in rounds:
         if not _path(folder, round_.index).is_file():

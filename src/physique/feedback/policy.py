@@ -9,7 +9,7 @@ while policy.time < policy.seconds:
 
 from __future__ import annotations
 
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from physique.errors import InputError
 from physique.feedback.choice import DEFAULT, Choice, ChoiceOptions, Chooser
 from physique.feedback.law import Followers, Law
-from physique.feedback.tree import Tree, read_policy
+from physique.feedback.tree import PolicyFile, Tree, read_policy
 from physique.simulation.closed_loop import Servo
 from physique.store import PathLike
 
@@ -34,7 +34,7 @@ _PUSHED, _WAIT = 1e-6, 20
 #: Steps that a decision stands at least; at most, while what it leads to is no good.
 _REST, _PATIENCE = 3, 5
 #: L of Eq. 21 from which on a way is no good.
-ZETA = 1.0
+_POOR = 1.0
 #: A way that is less than perfect, L above this, is looked at again after so many steps: what was
 #: foreseen ends before the motion does.
 _GOOD, _RENEWAL = 0.1, 30
@@ -139,7 +139,7 @@ class Policy:
             return False
         if now < len(ahead.q):
             surprised = _gap(ahead.q[now], ahead.v[now], q, v) > _SURPRISE
-            poor = now >= (_PATIENCE if ahead.loss > ZETA else _RENEWAL)
+            poor = now >= (_PATIENCE if ahead.loss > _POOR else _RENEWAL)
             return surprised or (ahead.loss > _GOOD and poor)
         return ahead.loss > 0.0 and now % _PATIENCE == 0
 
@@ -155,16 +155,25 @@ def load_policy(
     Raises InputError for a file that is missing, damaged or no policy, and for a controller that
     it does not have.
     """
-    xml, tree, _ = read_policy(path)
+    return make_policy(str(path), read_policy(path), controller, control, threads)
+
+
+def make_policy(
+    place: str,
+    stored: PolicyFile,
+    controller: ControllerName | None = None,
+    control: ControlName = "targets",
+    threads: int = 2,
+) -> Policy:
+    """The policy that was read from the file `place`; as `load_policy`."""
+    tree = stored.tree
     for value, names in ((controller, get_args(ControllerName)), (control, get_args(ControlName))):
         if value is not None and value not in names:
             raise InputError("policy option", repr(value), ", ".join(names), "choose one of them")
     if controller == "tree" and tree.branches == 0:
-        raise InputError(
-            str(path), "a policy without a tree", "one with a tree", "grow it with `physique grow`"
-        )
+        raise InputError(place, "a policy without a tree", "one with a tree", "grow it with `physique grow`")
     name = controller or ("tree" if tree.branches else "lqr")
-    return Policy(xml, tree, name, control, threads=threads)
+    return Policy(stored.xml, tree, name, control, threads=threads)
 
 
 def _gap(q_from: Array, v_from: Array, q: Array, v: Array) -> float:
@@ -179,8 +188,3 @@ def _gap(q_from: Array, v_from: Array, q: Array, v: Array) -> float:
         + 0.05 * dv[3:6] @ dv[3:6]
         + 0.0005 * dv[6:] @ dv[6:]
     )
-
-
-def about(head: dict[str, Any]) -> str:
-    """What a policy file says it is for, in words."""
-    return f"{head.get('clip', 'a motion')} on {head.get('body', 'a body')}"

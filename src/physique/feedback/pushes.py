@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physique.character import kinematics
+from physique.character.joint_error import SUCCESS_LIMIT, joint_errors, mean_joint_error
 from physique.feedback.policy import Policy
 from physique.simulation.rollout import Rollout
 from physique.simulation.simulator import Simulator
@@ -17,8 +18,6 @@ from physique.simulation.stepper import Push, Stepper
 
 Array = NDArray[np.float64]
 
-#: A body that is further off, on average over its joints, no longer performs the motion.
-SURVIVAL_LIMIT = 0.5  # m
 #: It has recovered once it stays this near to the motion, beside its place as it ends, for so long.
 RECOVERY_LIMIT = 0.05  # m
 RECOVERY_STAY = 0.5  # s
@@ -29,7 +28,7 @@ class Trial:
     """A push and what came of it.
 
     survived: to the end of the motion. error: m, the greatest mean body position error. lost: s
-    from the push's beginning until that was above `SURVIVAL_LIMIT`, None where it is survived.
+    from the push's beginning until that was above `SUCCESS_LIMIT`, None where it is survived.
     recovery: s from the push's beginning until the body performs the motion again
     (`recovery_time`); None where it does not before the motion's end.
     decisions: s that each online decision took. motion: what came of it; joints (T, 22, 3) m, of it.
@@ -84,7 +83,7 @@ def run_trial(
         return out
 
     def go_on(t: int, now: Stepper) -> bool:
-        return to_end or body_error(now.joints, joints[first + t]) <= SURVIVAL_LIMIT
+        return to_end or mean_joint_error(now.joints, joints[first + t]) <= SUCCESS_LIMIT
 
     motion = simulator.perform(
         tree.q[first],
@@ -97,9 +96,9 @@ def run_trial(
     reached = len(motion.q)
     found = kinematics.joint_positions(simulator.character, motion.q)
     wanted = joints[first : first + reached]
-    errors = np.linalg.norm(found - wanted, axis=2).mean(axis=1)
+    errors = joint_errors(found, wanted).mean(axis=1)
     whole = first + reached == tree.frames and not motion.diverged
-    off = np.flatnonzero(errors > SURVIVAL_LIMIT)
+    off = np.flatnonzero(errors > SUCCESS_LIMIT)
     survived = bool(whole and len(off) == 0)
     return Trial(
         push=push,
@@ -111,11 +110,6 @@ def run_trial(
         motion=motion,
         joints=found,
     )
-
-
-def body_error(joints: Array, wanted: Array) -> float:
-    """Mean distance, m, of joints (22, 3) from where they should be."""
-    return float(np.sqrt(np.sum((joints - wanted) ** 2, axis=1)).mean())
 
 
 def recovery_time(joints: Array, wanted: Array, timestep: float) -> float | None:

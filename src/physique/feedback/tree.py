@@ -12,7 +12,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,6 +81,14 @@ class Tree:
         return int(self.branch.max()) + 1
 
 
+class PolicyFile(NamedTuple):
+    """A policy as it is stored: the MuJoCo model (MJCF) that it is for, and facts about it."""
+
+    xml: str
+    tree: Tree
+    facts: dict[str, Any]
+
+
 def trunk(q: Array, v: Array, control: Array, com: Array, com_velocity: Array, gains: Array) -> Tree:
     """The motion alone: q (T, 57), v (T, 56), control (T - 1, 50), gains (T - 1, 50, 112)."""
     frames = len(q)
@@ -146,8 +154,8 @@ def save_policy(path: PathLike, xml: str, tree: Tree, about: Mapping[str, Any]) 
     )  # gains do not get smaller
 
 
-def read_policy(path: PathLike) -> tuple[str, Tree, dict[str, Any]]:
-    """What `save_policy` wrote: model, tree and facts.
+def read_policy(path: PathLike) -> PolicyFile:
+    """What `save_policy` wrote.
 
     Raises InputError for a file that is missing, damaged or something else.
     """
@@ -164,7 +172,7 @@ def read_policy(path: PathLike) -> tuple[str, Tree, dict[str, Any]]:
         raise _refusal(path, f"format {head['format']!r}")
     if not _fits(tree):
         raise _refusal(path, "arrays that do not fit together")
-    return xml, tree, head
+    return PolicyFile(xml, tree, head)
 
 
 def _refusal(path: Path, found: str) -> InputError:

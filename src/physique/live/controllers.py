@@ -8,9 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from physique.errors import InputError
-from physique.feedback.policy import load_policy
-from physique.runs.run import POLICY, Run
+from physique.runs.run import Run
 from physique.tracking.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -60,17 +58,9 @@ def controllers_of(run: Run) -> dict[str, Controller]:
     Raises InputError for a policy that is damaged, or of another motion.
     """
     found: dict[str, Controller] = {"replay": Replay(run.trajectory)}
-    if run.folder is None or not (path := run.folder / POLICY).is_file():
-        return found
-    found["lqr"] = policy = load_policy(path, "lqr")
-    own = run.trajectory.q
-    if policy.tree.frames != len(own) or not np.array_equal(policy.tree.q[: len(own)], own):
-        raise InputError(
-            str(path),
-            "a policy of another motion",
-            "the run's own",
-            f"make it anew with `physique stabilize {run.folder}`",
-        )
-    if policy.tree.branches:
-        found["tree"] = load_policy(path, "tree")
+    stored = run.policy_file()
+    if stored is not None:
+        found["lqr"] = run.policy("lqr")
+        if stored.tree.branches:
+            found["tree"] = run.policy("tree")
     return found

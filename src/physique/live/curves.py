@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from physique.character.joint_error import joint_errors
 from physique.character.model import Character
-from physique.runs.metrics import joint_errors
 from physique.runs.run import Run
 from physique.simulation.ground_reaction import ground_reaction
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from physique.character.joint_error import SUCCESS_LIMIT, mean_joint_error
 from physique.character.model import Character
 from physique.live.controllers import Controller
 from physique.live.curves import unknown
-from physique.runs.metrics import SUCCESS_LIMIT, joint_errors
 from physique.runs.run import Run
 from physique.simulation.session import Hit, Session
 
@@ -113,8 +113,7 @@ class Performance:
         self._judge()
 
     def _measure(self) -> None:
-        error = joint_errors(self.session.poses[:, :3], self._wanted[self.frame])
-        self.error = float(error.mean())
+        self.error = mean_joint_error(self.session.poses[:, :3], self._wanted[self.frame])
         self.curves.error[self.frame] = self.error
         self.fallen = self.session.diverged or self.error > SUCCESS_LIMIT
 

@@ -37,7 +37,7 @@ def read_clip(clip: str | Path) -> Clip:
 
 
 def read_motion(
-    clip: str | Path,
+    clip: str | Path | Clip,
     *,
     fps: float | None = None,
     start: float | None = None,
@@ -45,7 +45,8 @@ def read_motion(
     mapping: Path | None = None,
     low_pass: float | None = 8.0,
 ) -> Motion:
-    """The motion of a file or an embedded clip: on the 22 SMPL joints, on the floor, facing +x.
+    """The motion of a file, an embedded clip or a clip that was read: on the 22 SMPL joints, on the
+    floor, facing +x.
 
     fps: frames a second of the recording, where the file's header is wrong; the frames stay as
         they are. start, end: s, the part to keep. mapping: a TOML file for a skeleton that is
@@ -53,7 +54,7 @@ def read_motion(
 
     Raises InputError for input that cannot be used.
     """
-    source = read_clip(clip)
+    source = clip if isinstance(clip, Clip) else read_clip(clip)
     if fps is not None:
         if not (np.isfinite(fps) and 1 <= fps <= 10000):
             raise InputError("fps", f"{fps:g}", "1 to 10000 frames a second", "correct the value")

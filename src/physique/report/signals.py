@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from physique import skeleton
 from physique.character import kinematics
 from physique.character.hinges import HINGES
+from physique.character.joint_error import joint_errors
 from physique.character.soles import sole_points
 from physique.report.difficulty import parts
 from physique.report.words import hinge_words, joint_words
-from physique.runs.metrics import joint_errors
 from physique.runs.run import Run
 from physique.simulation.ground_reaction import ground_reaction
 

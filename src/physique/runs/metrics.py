@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from physique import skeleton
 from physique.character import kinematics
 from physique.character.hinges import HINGES
+from physique.character.joint_error import SUCCESS_LIMIT, joint_errors
 from physique.character.model import CONTACT_FADE, Character
 from physique.character.soles import sole_points
 from physique.reference.reference import Reference
@@ -21,8 +22,6 @@ from physique.tracking.windows import Window
 
 Array = NDArray[np.float64]
 
-#: A body that is off by more than this, on average over its joints, no longer performs the motion.
-SUCCESS_LIMIT = 0.5  # m
 #: A torque counts as saturated from this part of its limit on.
 SATURATED = 0.999
 
@@ -82,11 +81,6 @@ def measure(
         **torque_use(character, trajectory.torque),
         "windows": [window_metrics(w, by_frame, step) for w in windows],
     }
-
-
-def joint_errors(joints: Array, wanted: Array) -> Array:
-    """Distances (T, 22), m, of joints (T, 22, 3) from where they should be."""
-    return np.asarray(np.linalg.norm(joints - wanted, axis=-1))
 
 
 def penetration(lowest: Array) -> Array:
