@@ -8,8 +8,8 @@ from pathlib import Path
 import matplotlib.image
 import pytest
 
-from physique.commands import retarget as command
 from physique.experiments import horizon, objects, section5, torque
+from physique.runs import folder
 from physique.runs.run import Run
 
 Rows = list[list[str]]
@@ -28,13 +28,13 @@ def call(experiment: object, folder: Path, capsys: pytest.CaptureFixture[str], *
 def count_runs(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """The clips that are really retargeted from here on."""
     made: list[str] = []
-    plain = command.run.finish_run
+    plain = folder.finish_run
 
-    def finish(folder: Path, result: Run) -> Run:
-        made.append(folder.name)
-        return plain(folder, result)
+    def finish(path: Path, result: Run) -> Run:
+        made.append(path.name)
+        return plain(path, result)
 
-    monkeypatch.setattr(command.run, "finish_run", finish)
+    monkeypatch.setattr(folder, "finish_run", finish)
     return made
 
 
