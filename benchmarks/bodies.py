@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
+from hull import hull_capsules
 from physique.body.build import capsule_body
-from physique.body.hull import hull_capsules
 from physique.body.mass import DE_LEVA, SEGMENTS, part_masses, segment_percent
 from physique.body.named import PEOPLE, named_body
 from physique.body.surface_error import surface_error

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from physique.feedback.choice import DEFAULT, Chooser, distance
+from physique.feedback.choice import DEFAULT, ZETA, Chooser, distance
 from physique.feedback.connect import ConnectOptions, Trunk, connect, takeover
 from physique.feedback.grow import ROUND, Settings, plan
 from physique.feedback.law import Law
@@ -71,9 +71,20 @@ def test_a_branch_leads_from_the_state_to_the_motion(
             takeover(simulator, trunk, pushed[0], trunk.v[10] + 4 * np.eye(56)[1], 10, ConnectOptions())
             is None
         )
-    chooser = Chooser(Law(Servo(run.character_xml), grown(tree, [branch])), DEFAULT, 1)
-    alone = Chooser(Law(Servo(run.character_xml), tree), DEFAULT, 1)
-    assert chooser.choose(*pushed, 10).loss <= alone.choose(*pushed, 10).loss + 1e-9
+
+
+def test_a_branch_is_needed_and_helps(run: Run, trunk: Trunk, tree: Tree) -> None:
+    """A push to the left, of which the motion's own feedback alone makes a fall."""
+    pushed = trunk.q[10], trunk.v[10] + 0.8 * np.eye(56)[1]
+    with MujocoSimulator(run.character(), 1) as simulator:
+        branch = connect(simulator, trunk, *pushed, 10)
+    assert branch is not None
+    without, with_it = (
+        Chooser(Law(Servo(run.character_xml), t), DEFAULT, 1).choose(*pushed, 10)
+        for t in (tree, grown(tree, [branch]))
+    )
+    assert with_it.loss < ZETA < without.loss
+    assert with_it.node >= tree.frames
 
 
 def test_the_plan_runs_from_the_end_and_halves(trunk: Trunk) -> None:

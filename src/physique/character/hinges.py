@@ -11,8 +11,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from physique import skeleton
 
 #: Axes of each joint, outermost first; "" is welded. The pelvis is free.
@@ -62,9 +60,6 @@ HINGES: tuple[Hinge, ...] = tuple(
     for index in _depth_first()
     for axis in AXES.get(skeleton.JOINTS[index], "")
 )
-
-#: (50, 3) axes in the joint's own frame.
-HINGE_AXES = np.array([np.eye(3)["xyz".index(h.axis)] for h in HINGES])
 
 
 def columns(joint: str) -> slice:

@@ -10,13 +10,12 @@ from typing import Any
 
 from PIL import Image
 
-from physique.body.bodyfile import load_body, save_body
-from physique.body.build import capsule_body
+from physique.body.bodyfile import save_body
 from physique.body.capsule_body import CapsuleBody
 from physique.body.describe import BodyFacts, describe_body
 from physique.body.fit import Sex, make_body
 from physique.body.mesh import BodyMesh
-from physique.body.named import PEOPLE, named_body
+from physique.commands.inputs import find_body
 from physique.errors import InputError
 from physique.render.picture import body_picture
 from physique.store import prepare_folder, write_atomic
@@ -53,20 +52,17 @@ def choose_body(
             "one or the other",
             "leave out the name or the description",
         )
-    if name is not None and name not in PEOPLE and (name.endswith(".npz") or Path(name).exists()):
-        skin, capsules = load_body(name)
-        if skin is None:
-            raise InputError(
-                name,
-                "capsules without a mesh",
-                "a body file with a mesh",
-                "write one with `physique body --out`",
-            )
-        return MadeBody(skin, capsules, 0.0)
-    mesh = named_body(name) if name is not None else make_body(**described)
+    wanted = make_body(**described) if name is None else name
     clock = time.perf_counter()
-    capsules = capsule_body(mesh)
-    return MadeBody(mesh, capsules, time.perf_counter() - clock)
+    skin, capsules = find_body(wanted)
+    if skin is None:
+        raise InputError(
+            str(name),
+            "capsules without a mesh",
+            "a body file with a mesh",
+            "write one with `physique body --out`",
+        )
+    return MadeBody(skin, capsules, time.perf_counter() - clock)
 
 
 def write_body(path: Path, made: MadeBody) -> None:
