@@ -20,6 +20,8 @@ from physique.body.named import PEOPLE
 from physique.export.bvh import write_bvh
 from physique.motion.library import list_clips
 from physique.motion.read import read_motion
+from physique.provenance import digest
+from physique.reference.target import joint_weights, upright_weights
 
 OK, BAD = 0, 2
 WALK = ["retarget", "walk", "--body", "average", "--out", "not_made"]
@@ -298,9 +300,31 @@ def test_weights_and_objects_reach_the_run(tmp_path: Path) -> None:
     )
     identity = json.loads((out / "run.json").read_text())["identity"]
     assert (identity["weight_com"], identity["weight_root"], identity["weight_pose"]) == (30, 2, 0.5)
+    assert identity["joint_weights_sha256"] == digest(upright_weights().joints)
     assert (identity["hold"], identity["hand"]) == ("block:3.0kg:0.15m", "both")
     assert json.loads((out / "metrics.json").read_text())["held_mass_kg"] == 6
     assert (out / "character.xml").read_text().count("held_") == 2
+
+
+@pytest.mark.parametrize(
+    ("options", "paper"),
+    [
+        ([], False),
+        (["--weights", "paper"], True),
+        (["--optimizer", "paper"], True),
+        (["--optimizer", "paper", "--weights", "default"], False),
+    ],
+)
+def test_which_weights_are_minimised(
+    options: list[str], paper: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = []
+    monkeypatch.setattr(
+        "physique.commands.retarget.retarget", lambda *_, **told: asked.append(told["weights"])
+    )
+    monkeypatch.setattr("physique.cli.console.show_runs", lambda runs: None)
+    assert call("retarget", "walk", "--body", "average", "--out", tmp_path / "run", *options) == OK
+    assert np.array_equal(asked[0].joints, joint_weights() if paper else upright_weights().joints)
 
 
 @pytest.mark.skipif(os.name != "posix", reason="sends POSIX signals")

@@ -78,13 +78,18 @@ def test_a_perfect_performance_has_no_error(character: Character, reference: Ref
 
 def test_a_moved_body_is_off_by_the_move(character: Character, reference: Reference) -> None:
     move = np.array([0.03, 0.04, 0.0])
-    m = measure(character, reference, as_performed(reference, move, np.zeros(2)))
+    moved = as_performed(reference, move, np.zeros(2))
+    m = measure(character, reference, moved)
     for name in ("mpjpe_mm", "mpjpe_max_mm", "root_error_mm", "mpjpe_unanchored_mm"):
         assert m[name] == pytest.approx(50.0), name
     assert m["mpjpe_local_mm"] == pytest.approx(0, abs=1e-9)
     # Eq. 3: weight 15 times the squared distance, at every frame.
     assert m["cost"]["com"] == pytest.approx(15 * 0.0025 * reference.frames)
     assert m["cost"]["total"] == pytest.approx(sum(m["cost"][t] for t in TERMS))
+    assert m["cost_paper"] == m["cost"]
+    heavier = metrics.measure(character, reference, moved, [], Weights(com=30.0))
+    assert heavier["cost_paper"] == m["cost"]
+    assert heavier["cost"]["com"] == pytest.approx(2.0 * m["cost"]["com"])
 
 
 def test_moving_the_reference_along_is_told_apart(character: Character, reference: Reference) -> None:

@@ -18,7 +18,7 @@ from physique.character.state import integrate
 from physique.commands.inputs import parse_weights
 from physique.errors import InputError
 from physique.reference.reference import Reference
-from physique.reference.target import MOST, TERMS, Target, Weights, joint_weights
+from physique.reference.target import MOST, TERMS, Target, Weights, joint_weights, upright_weights
 from physique.tracking import costs
 from physique.tracking.costs import Quadratic
 
@@ -175,9 +175,18 @@ def test_hessian_is_positive_semidefinite(character: Character, target: Target) 
 @settings(deadline=None)
 @given(st.dictionaries(st.sampled_from(TERMS), st.floats(0, MOST)))
 def test_weights_of_texts(changed: dict[str, float]) -> None:
-    found = parse_weights([f"{name}={value!r}" for name, value in changed.items()])
+    found = parse_weights([f"{name}={value!r}" for name, value in changed.items()], Weights())
     assert found.terms == Weights().terms | changed
     assert np.array_equal(found.joints, joint_weights())
+
+
+def test_upright_weights_are_the_papers_but_for_the_spine() -> None:
+    weights = upright_weights()
+    assert weights.terms == Weights().terms
+    changed = {
+        h.name: beta for h, beta, paper in zip(HINGES, weights.joints, joint_weights()) if beta != paper
+    }
+    assert changed == {f"spine{i}_{axis}": 10.0 for i in (1, 2, 3) for axis in "xyz"}
 
 
 @pytest.mark.parametrize(

@@ -88,6 +88,7 @@ class RetargetCommand:
         optimizer: fast uses derivatives of the simulator; paper is CMA as published, and slow
         torque_limit: body, for limits that fit mass and stature, or Nm for all joints
         horizon: what each window looks ahead, s
+        weights: of the cost: paper is section 3.1, default the same with a stiller spine
         weight: weight of a term of the cost: com, com_velocity, pose, velocity, root or
             acceleration; once for each term
         hold: an object: stick or block, mass and, if wanted, size, such as stick:2.0kg (1 m long),
@@ -109,9 +110,12 @@ class RetargetCommand:
     optimizer: Literal["fast", "paper"] = "fast"
     torque_limit: Annotated[Literal["body"] | float, arg(metavar="body|NM")] = "body"
     horizon: Annotated[float | None, SECONDS, left_out("SECONDS", "0.8")] = None
+    weights: Annotated[
+        Literal["default", "paper"] | None, left_out("default|paper", "default, paper for that optimizer")
+    ] = None
     weight: Annotated[
         UseAppendAction[tuple[str, ...]],
-        arg(metavar="NAME=NUMBER", help_behavior_hint="(default: the paper's; repeatable)"),
+        arg(metavar="NAME=NUMBER", help_behavior_hint="(default: as --weights; repeatable)"),
     ] = ()
     hold: Annotated[str | None, left_out("SHAPE:MASS[:SIZE]", "empty hands")] = None
     hand: Annotated[Literal["right", "left", "both"] | None, left_out("right|left|both", "right")] = None
@@ -125,8 +129,10 @@ class RetargetCommand:
         """Retarget and show the metrics."""
         with progress.tracking(f"{self.clip} on {self.body}") as report:
             from physique.commands.inputs import find_held, parse_weights
-            from physique.commands.retarget import retarget
+            from physique.commands.retarget import own_weights, retarget
 
+            paper = (self.weights or self.optimizer) == "paper"
+            base = own_weights("paper" if paper else "fast")
             run = retarget(
                 self.clip,
                 self.body,
@@ -137,7 +143,7 @@ class RetargetCommand:
                 optimizer=self.optimizer,
                 torque_limit=self.torque_limit,
                 horizon=self.horizon,
-                weights=parse_weights(self.weight),
+                weights=parse_weights(self.weight, base),
                 hold=find_held(self.hold, self.hand),
                 seed=self.seed,
                 threads=self.threads,

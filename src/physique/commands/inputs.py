@@ -81,8 +81,8 @@ def find_held(text: str | None, hand: Hand | None) -> Held | None:
     return None
 
 
-def parse_weights(texts: Sequence[str]) -> Weights:
-    """The weights of E with those that texts such as "com=30" change.
+def parse_weights(texts: Sequence[str], base: Weights) -> Weights:
+    """The weights of E `base` with those that texts such as "com=30" change.
 
     Raises InputError for a name that is no term of E, one that comes twice, or no such number.
     """
@@ -103,4 +103,4 @@ def parse_weights(texts: Sequence[str]) -> Weights:
         if name in found:
             raise InputError(f"weight {name}", "two values", "one", "leave one out")
         found[name] = value
-    return dataclasses.replace(Weights(), **found)  # type: ignore[arg-type]
+    return dataclasses.replace(base, **found)  # type: ignore[arg-type]

@@ -7,7 +7,7 @@ import math
 import os
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -26,7 +26,7 @@ from physique.motion.clip import Motion
 from physique.motion.read import read_clip, read_motion
 from physique.provenance import digest, versions
 from physique.reference.reference import Reference, make_reference
-from physique.reference.target import Weights
+from physique.reference.target import Weights, upright_weights
 from physique.runs import metrics
 from physique.runs.folder import Checkpoint, RunFolder, open_run
 from physique.runs.run import BVH, Run
@@ -59,7 +59,8 @@ class RetargetOptions:
         a clip and are not used for a motion that was read.
     optimizer: "fast" (derivatives) or "paper" (CMA as published; about a thousand times dearer).
     torque_limit: "body", limits that fit the person's mass and stature, or Nm for all joints.
-    horizon: s that each window looks ahead. weights: of the terms of E (Eq. 2).
+    horizon: s that each window looks ahead. weights: of the terms of E (Eq. 2); left out,
+        `upright_weights`, or the paper's with the paper's optimiser.
     hold: an object in a hand or one in each; the performer holds none. seed: of all random draws.
     """
 
@@ -70,7 +71,7 @@ class RetargetOptions:
     optimizer: OptimizerName = "fast"
     torque_limit: TorqueLimit = "body"
     horizon: float | None = None
-    weights: Weights = field(default_factory=Weights)
+    weights: Weights | None = None
     hold: Held | None = None
     seed: int = 0
 
@@ -83,6 +84,11 @@ class RetargetOptions:
             raise InputError("horizon", found, expected, "correct the value")
         if self.seed < 0 or self.seed >= 2**32:
             raise InputError("seed", str(self.seed), "0 to 4294967295", "correct the value")
+
+    @property
+    def cost_weights(self) -> Weights:
+        """The weights of E."""
+        return self.weights or own_weights(self.optimizer)
 
     @property
     def schedule(self) -> Schedule:
@@ -104,8 +110,8 @@ class RetargetOptions:
             "end": self.end,
             "optimizer": self.optimizer,
             "torque_limit": self.torque_limit,
-            **{f"weight_{name}": value for name, value in self.weights.terms.items()},
-            "joint_weights_sha256": digest(self.weights.joints),
+            **{f"weight_{name}": value for name, value in self.cost_weights.terms.items()},
+            "joint_weights_sha256": digest(self.cost_weights.joints),
             "hold": None if hold is None else str(hold),
             "hand": None if hold is None else hold.hand,
             "horizon": schedule.horizon,
@@ -114,6 +120,11 @@ class RetargetOptions:
             "hard": schedule.hard,
             "seed": self.seed,
         }
+
+
+def own_weights(optimizer: OptimizerName) -> Weights:
+    """What an optimiser minimises unless told otherwise."""
+    return Weights() if optimizer == "paper" else upright_weights()
 
 
 @dataclass(frozen=True)
@@ -270,7 +281,7 @@ def _track(
             simulator,
             _optimizer(options, tell),
             options.schedule,
-            options.weights,
+            options.cost_weights,
             [c.window for c in done],
         )
         clock = time.perf_counter()
@@ -313,7 +324,7 @@ def _report(task: _Task, trajectory: Trajectory, checkpoints: Sequence[Checkpoin
     """All metrics: those of the motion, and what it took to find it."""
     windows = [c.window for c in checkpoints]
     character, options = task.character, task.options
-    report = metrics.measure(character, task.reference, trajectory, windows, options.weights)
+    report = metrics.measure(character, task.reference, trajectory, windows, options.cost_weights)
     for entry, checkpoint in zip(report["windows"], checkpoints):
         entry["wall_s"] = checkpoint.wall_s
     steps = sum(w.sim_steps for w in windows)

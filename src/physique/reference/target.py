@@ -20,14 +20,15 @@ TERMS = ("com", "com_velocity", "pose", "velocity", "root", "acceleration")
 MOST = 1e9
 
 
-def joint_weights() -> Array:
-    """beta of Eqs. 5 and 6, (50,): hips 10, shoulders 3, all others 1."""
-    return np.array([10.0 if "_hip" in h.joint else 3.0 if "_shoulder" in h.joint else 1.0 for h in HINGES])
+def joint_weights(spine: float = 1.0) -> Array:
+    """beta of Eqs. 5 and 6, (50,): hips 10, shoulders 3, all others 1; the spine's as given."""
+    by_joint = {"_hip": 10.0, "_shoulder": 3.0, "spine": spine}
+    return np.array([next((w for part, w in by_joint.items() if part in h.joint), 1.0) for h in HINGES])
 
 
 @dataclass(frozen=True)
 class Weights:
-    """w of Eq. 2, as in section 3.1. `acceleration` is the paper's w_jerk (Eq. 8).
+    """w of Eq. 2; the defaults are those of section 3.1. `acceleration` is the paper's w_jerk (Eq. 8).
 
     joints: (50,), beta of Eqs. 5 and 6. Raises InputError for a weight that is no number from 0 to
     1e9.
@@ -58,6 +59,14 @@ class Weights:
     def terms(self) -> dict[str, float]:
         """The weight of each term of E."""
         return {name: float(getattr(self, name)) for name in TERMS}
+
+
+def upright_weights() -> Weights:
+    """The paper's weights, but for the spine, whose joints count as much as the hips'.
+
+    The paper itself names "excessive motion in the lumbar spine" as a fault; docs/fast.md has what it does.
+    """
+    return Weights(joints=joint_weights(spine=10.0))
 
 
 @dataclass(frozen=True)

@@ -77,7 +77,8 @@ def measure(
         ),
         "penetration_mm": 1e3 * float(sunk.mean()),
         "penetration_max_mm": 1e3 * float(sunk.max()),
-        "cost": {"total": float(costs.total(terms)), **{k: float(x) for k, x in terms.items()}},
+        "cost": _summed(terms),
+        "cost_paper": _summed(motion_cost(character, reference, trajectory, Weights())),
         **torque_use(character, trajectory.torque),
         "windows": [window_metrics(w, by_frame, step) for w in windows],
     }
@@ -136,6 +137,10 @@ def motion_cost(
     return costs.evaluate(
         weights, target, trajectory.q, trajectory.v, pose.com, com_velocity, reference.timestep
     )
+
+
+def _summed(terms: dict[str, Array]) -> dict[str, float]:
+    return {"total": float(costs.total(terms)), **{name: float(value) for name, value in terms.items()}}
 
 
 def torque_use(character: Character, torque: Array) -> dict[str, Any]:
