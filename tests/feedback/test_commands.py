@@ -172,7 +172,7 @@ def test_bad_arguments_are_one_line(
 
 
 def test_table_2_stands_beside_the_papers() -> None:
-    reports = [PushReport(100, n, n / 100, None, 5.0, 0.1, None, 9.0) for n in (91, 60, 30, 10, 6)]
+    reports = [PushReport("lqr", 100, n, n / 100, None, 5.0, 0.1, None, 9.0) for n in (91, 60, 30, 10, 6)]
     text = table2.table({"pd": reports, "lqr": reports})
     assert "| LQR, % | 91 | 60 | 30 | 10 | 6 |" in text
     assert "| LQR in the paper, % | 89 | 28 | 20 | 8 | 5 |" in text

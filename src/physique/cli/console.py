@@ -196,6 +196,7 @@ def show_pushes(report: PushReport, as_json: bool) -> None:
         return
     recovery, decision = report.median_recovery_s, report.decision_ms
     rows = [
+        ("controller", report.controller),
         ("impulse", f"{report.impulse_ns:g} Ns, {report.delta_v:.2f} m/s"),
         ("survived", f"{report.survived} of {report.trials} ({report.survival:.0%})"),
         ("recovery, median", "none" if recovery is None else f"{recovery:.2f} s"),

@@ -84,6 +84,12 @@ def grow_tree(
             progress=progress,
         )
         report = tree_report(grown, settings)
+        if not report["perturbed_states"]:
+            log.warning(
+                "%s: the motion's own feedback stood all %d pushes; the tree has no branches",
+                folder,
+                report["trials"],
+            )
         write_policy(run, grown.tree, wanted)
         write_json(folder / TREE, report)
         shutil.rmtree(rounds, ignore_errors=True)

@@ -24,11 +24,12 @@ MARGIN = 1.5  # s
 class PushReport:
     """Trials of one impulse; the fields are the keys of `physique push --json`.
 
-    survival: 0 to 1. median_recovery_s: of those that survived; None where half of them or more
+    controller: that performed. survival: 0 to 1. median_recovery_s: of those that survived; None where half of them or more
     have not recovered by the motion's end. delta_v: m/s, impulse by mass. decision_ms: of one
     online decision, None without one. realtime_factor: s of motion a second of wall time.
     """
 
+    controller: ControllerName
     trials: int
     survived: int
     survival: float
@@ -82,16 +83,19 @@ def push(
     character = run.character()
     with quiet(), MujocoSimulator(character, 1) as simulator:
         done, factor = run_trials(simulator, policy, pushes, on_trial)
-    return report(done, impulse, character.mass, factor), done
+    return report(policy.controller, done, impulse, character.mass, factor), done
 
 
-def report(trials: list[Trial], impulse: float, mass: float, factor: float) -> PushReport:
+def report(
+    controller: ControllerName, trials: list[Trial], impulse: float, mass: float, factor: float
+) -> PushReport:
     """The trials in a few numbers."""
     survived = sum(t.survived for t in trials)
     recovery = [math.inf if t.recovery is None else t.recovery for t in trials if t.survived]
     middle = float(np.median(recovery)) if recovery else math.inf
     decisions = [1e3 * s for t in trials for s in t.decisions]
     return PushReport(
+        controller=controller,
         trials=len(trials),
         survived=survived,
         survival=survived / len(trials),
