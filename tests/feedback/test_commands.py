@@ -23,6 +23,7 @@ from physique.runs.run import load_run
 from physique.store import write_json
 
 KEYS = {
+    "controller",
     "trials",
     "survived",
     "survival",

@@ -24,9 +24,9 @@ MARGIN = 1.5  # s
 class PushReport:
     """Trials of one impulse; the fields are the keys of `physique push --json`.
 
-    controller: that performed. survival: 0 to 1. median_recovery_s: of those that survived; None where half of them or more
-    have not recovered by the motion's end. delta_v: m/s, impulse by mass. decision_ms: of one
-    online decision, None without one. realtime_factor: s of motion a second of wall time.
+    controller: that performed. survival: 0 to 1. median_recovery_s: of those that survived; None where
+    half of them or more have not recovered by the motion's end. delta_v: m/s, impulse by mass.
+    decision_ms: of one online decision, None without one. realtime_factor: s of motion a second.
     """
 
     controller: ControllerName

@@ -171,17 +171,10 @@ def make_policy(
         if value is not None and value not in names:
             raise InputError("policy option", repr(value), ", ".join(names), "choose one of them")
     if controller == "tree" and tree.branches == 0:
-        bare = "tree" in stored.facts
-        found = (
-            "a tree without branches: lqr stood all that it was grown against"
-            if bare
-            else "a policy without a tree"
-        )
-        remedy = (
-            "take the controller lqr, or grow against greater --forces"
-            if bare
-            else "grow it with `physique grow`"
-        )
+        found, remedy = "a policy without a tree", "grow it with `physique grow`"
+        if "tree" in stored.facts:
+            found = "a tree without branches, since lqr stood all that it was grown against"
+            remedy = "take the controller lqr, or grow against greater --forces"
         raise InputError(place, found, "one with a tree", remedy)
     name = controller or ("tree" if tree.branches else "lqr")
     return Policy(stored.xml, tree, name, control, threads=threads)
