@@ -376,3 +376,19 @@ def test_help_and_module_call(arguments: list[str], text: str) -> None:
     assert done.returncode == 0
     assert text in done.stdout
     assert done.stderr == ""
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full, which Linux has")
+@pytest.mark.parametrize("command", [["clips"], ["--version"]])
+def test_what_a_full_disk_loses_is_said(command: list[str]) -> None:
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "physique", *command],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+    assert done.returncode == 2
+    assert done.stderr.startswith("physique: standard output: found no space left on device; expected")
+    assert len(done.stderr.splitlines()) == 1

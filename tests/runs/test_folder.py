@@ -11,7 +11,7 @@ import pytest
 
 from physique.errors import InputError
 from physique.runs.folder import Checkpoint, change_run, open_run
-from physique.runs.run import Run, finish_run, load_run
+from physique.runs.run import Run, finish_run, load_run, protect_runs, read_record
 from physique.store import write_json
 from physique.tracking.windows import Window
 
@@ -204,3 +204,50 @@ def test_a_file_in_the_place_of_the_folder_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="a folder that can be written"):
         start(path)
     assert path.read_text() == "mine"
+
+
+def test_a_run_can_be_resumed_whenever_its_start_was_cut_off(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Killed after each of the changes that replacing a run makes to its folder."""
+    for cut in range(12):
+        folder = tmp_path / str(cut)
+        folder.mkdir()
+        finish_run(folder, run)
+        (folder / "policy.npz").write_bytes(b"of the old motion")
+        left = cut
+        with monkeypatch.context() as patch:
+            for name in ("unlink", "replace", "mkdir"):
+                plain = getattr(Path, name)
+
+                def change(path: Path, *rest: Any, plain: Any = plain, **more: Any) -> Any:
+                    nonlocal left
+                    if not path.name.startswith((".lock", ".run")) or plain.__name__ == "replace":
+                        left -= 1
+                    if left < 0:
+                        raise KeyboardInterrupt
+                    return plain(path, *rest, **more)
+
+                patch.setattr(Path, name, change)
+            try:
+                start(folder, overwrite=True)
+            except KeyboardInterrupt:
+                pass
+            else:
+                assert cut >= 6
+                break
+        identity = read_record(folder)["identity"]
+        if identity == RECORD["identity"]:
+            assert resume(folder) == []
+            assert sorted(p.name for p in folder.iterdir() if p.name[0] != ".") == ["run.json", "windows"]
+        else:
+            load_run(folder)  # the old run still, and whole
+
+
+def test_files_of_a_run_are_no_place_for_others(tmp_path: Path, run: Run) -> None:
+    finish_run(tmp_path, run)
+    for name in ("trajectory.npz", "policy.npz", "run.json"):
+        with pytest.raises(InputError, match="a file of the run in this folder"):
+            protect_runs(tmp_path / name)
+    protect_runs(tmp_path / "film.mp4")
+    protect_runs(tmp_path.parent / "trajectory.npz")

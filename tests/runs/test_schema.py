@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+import shutil
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -110,3 +111,19 @@ def test_another_model_is_refused_by_the_file_it_is_in(run: Run, tmp_path: Path)
     (tmp_path / TRAJECTORY).unlink()
     with pytest.raises(InputError):
         load_run(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["trajectory.npz", "metrics.json", "body.npz"])
+def test_files_of_another_run_are_refused(run: Run, tmp_path: Path, name: str) -> None:
+    folder, other = tmp_path / "one", tmp_path / "other"
+    moved = replace(run.trajectory, torque=0.5 * run.trajectory.torque)
+    for where, made in (
+        (folder, run),
+        (other, replace(run, trajectory=moved, mesh=None, metrics={**run.metrics, "wall_s": 9.0})),
+    ):
+        where.mkdir()
+        finish_run(where, made)
+        load_run(where)
+    shutil.copy(other / name, folder / name)
+    with pytest.raises(InputError, match=f"{name}: found a file that this run did not write"):
+        load_run(folder)

@@ -126,7 +126,10 @@ def test_simulators_that_overlap_restore_the_threads_of_blas(character: Characte
     first.close()
     assert set(threads()) == {1}
     second.close()
+    second.close()  # once more is no more
     assert threads() == before
+    with MujocoSimulator(character, 1):
+        assert set(threads()) == {1}
 
 
 def test_messages_are_on_again_after_the_last_quiet() -> None:

@@ -118,12 +118,21 @@ def main(arguments: Sequence[str] | None = None) -> None:
         console.fail("stopped; `retarget` and `grow` go on with the same options and --resume")
         sys.exit(130)
     except Exception as fault:
+        if _interrupted(fault):  # Ctrl-C within an import
+            console.fail("stopped")
+            sys.exit(130)
         torn = torn_mujoco(fault)
         if torn is not None:
             console.fail(str(torn))
             sys.exit(2)
         console.fail_unforeseen(fault, given, _versions())
         sys.exit(70)
+
+
+def _interrupted(fault: BaseException | None) -> bool:
+    while fault is not None and not isinstance(fault, KeyboardInterrupt):
+        fault = fault.__cause__ or fault.__context__
+    return fault is not None
 
 
 def _versions() -> str:

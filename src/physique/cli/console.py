@@ -113,8 +113,16 @@ def _write(stream: TextIO | None, text: str) -> None:
     try:
         stream.write(text)
         stream.flush()
-    except BrokenPipeError:
-        _abandon(stream)
+    except OSError as fault:
+        _give_up(stream, fault)
+
+
+def _give_up(stream: TextIO, fault: OSError) -> None:
+    """Say no more there. Who left does not miss it; what a full disk loses of results is said."""
+    _abandon(stream)
+    if stream is sys.stdout and not isinstance(fault, BrokenPipeError):
+        reason = (fault.strerror or str(fault)).lower()
+        raise InputError("standard output", reason, "a place that takes it", "free some space") from None
 
 
 def _abandon(stream: IO[str]) -> None:
@@ -135,7 +143,10 @@ def table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     screen = Screen(soft_wrap=False)
     if not screen.is_terminal:
         screen.width = _FILE_WIDTH
-    screen.print(out, markup=False)
+    try:
+        screen.print(out, markup=False)
+    except OSError as fault:
+        _give_up(sys.stdout, fault)
 
 
 def show_facts(facts: BodyFacts, as_json: bool) -> None:

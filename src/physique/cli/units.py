@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import re
 from dataclasses import dataclass, field
 from decimal import Decimal
@@ -11,7 +12,8 @@ from physique.errors import InputError
 
 log = logging.getLogger(__name__)
 
-_NUMBER = r"(\d+(?:\.\d*)?(?:e[-+]?\d+)?|\.\d+)"
+_NUMBER = r"(\d+(?:\.\d*)?(?:e[-+]?\d{1,3})?|\.\d+)"
+_LONGEST = 40  # characters of a number
 _QUOTES = str.maketrans("’′”″", "''\"\"")
 
 
@@ -37,6 +39,10 @@ class Quantity:
         if found is None:
             raise self._refusal(text)
         first, name, second, smaller = found.groups()
+        if any(
+            number and (len(number) > _LONGEST or float(number) == math.inf) for number in (first, second)
+        ):
+            raise self._refusal(text)
         value = Decimal(first)
         if name is None:
             name = next((unit for least, unit in self.bare if value >= least), None)

@@ -18,6 +18,7 @@ from physique.body.mesh import BodyMesh
 from physique.commands.inputs import find_body
 from physique.errors import InputError
 from physique.render.picture import body_picture
+from physique.runs.run import protect_runs
 from physique.store import prepare_folder, write_atomic
 
 
@@ -66,7 +67,8 @@ def choose_body(
 
 
 def write_body(path: Path, made: MadeBody) -> None:
-    """Store a body as an npz file. Raises InputError where the file cannot be written."""
+    """Store a body as an npz file. Raises InputError where the file cannot be written, and for a run's."""
+    protect_runs(path)
     _check_suffix(path, ".npz")
     prepare_folder(path.parent)
     save_body(path, made.mesh, made.capsules)

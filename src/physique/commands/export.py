@@ -8,7 +8,7 @@ from pathlib import Path
 
 from physique.errors import InputError
 from physique.export.formats import Format, find_format
-from physique.runs.run import Run, load_run
+from physique.runs.run import Run, load_run, protect_runs
 from physique.store import PathLike, prepare_folder
 
 
@@ -80,6 +80,7 @@ def file_names(titles: Sequence[str]) -> list[str]:
 
 
 def _check_suffix(kind: Format, out: Path) -> None:
+    protect_runs(out)
     if kind.owns(out) and not out.is_dir():
         return
     found = "a folder" if out.is_dir() else f"suffix {out.suffix!r}"

@@ -63,7 +63,7 @@ def grow_tree(
         # A growth that was stopped had leave to replace what is there when it began.
         if not (overwrite or (resume and rounds.is_dir())) and _is_grown(run, wanted, resume):
             log.warning("%s: the tree is finished", folder / TREE)
-            return dict(read_json(folder / TREE))
+            return _read_tree(folder / TREE)
         if overwrite and rounds.is_dir():
             warn_replaced(folder, [TREE_ROUNDS])
             shutil.rmtree(rounds)
@@ -94,6 +94,23 @@ def grow_tree(
         write_json(folder / TREE, report)
         shutil.rmtree(rounds, ignore_errors=True)
         return report
+
+
+def _read_tree(path: Path) -> dict[str, Any]:
+    """What a finished tree's `tree.json` says. Raises InputError where it says something else."""
+    tree = read_json(path)
+    names = ("trials", "covered", "perturbed_states", "nodes", "failed")
+    parts = tree.get("subtrees") if isinstance(tree, dict) else None
+    whole = isinstance(parts, list) and all(
+        isinstance(one, dict) and all(isinstance(one.get(name), int | float) for name in wanted)
+        for one, wanted in [
+            (tree, (*names, "sim_steps", "seconds")),
+            *((part, (*names, "timestep")) for part in parts),
+        ]
+    )
+    if not whole:
+        raise InputError(str(path), "other data", "the report of a tree", "grow it anew with --overwrite")
+    return dict(tree)
 
 
 def _weights(run: Run, asked: WeightsName | None, overwrite: bool) -> WeightsName:

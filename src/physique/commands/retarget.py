@@ -44,6 +44,7 @@ log = logging.getLogger(__name__)
 OptimizerName = Literal["fast", "paper"]
 
 _MOST_THREADS = 8  # a window is too small a job for more
+_ANY_THREADS = 256
 #: What each optimiser looks ahead and keeps. The paper's is a pair of windows of 0.4 s.
 SCHEDULES: dict[OptimizerName, Schedule] = {"fast": Schedule(), "paper": Schedule(0.8, 0.4, careful=0.4)}
 _SHORTEST_HORIZON = 0.2  # s
@@ -346,6 +347,6 @@ def _report(task: _Task, trajectory: Trajectory, checkpoints: Sequence[Checkpoin
 def _threads(threads: int | None) -> int:
     if threads is None:
         return min(os.cpu_count() or 1, _MOST_THREADS)
-    if threads < 1:
-        raise InputError("threads", str(threads), "at least 1", "correct the value")
+    if not 1 <= threads <= _ANY_THREADS:
+        raise InputError("threads", str(threads), f"1 to {_ANY_THREADS}", "correct the value")
     return threads

@@ -12,6 +12,7 @@ import json
 import logging
 import multiprocessing
 import os
+import signal
 import sys
 import threading
 import time
@@ -224,9 +225,9 @@ def _begin(job: Job) -> None:
     """Prepare a process that does nothing but grow, and lives as long as its parent at most."""
     global _job
     _job = job
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    # Large arrays go back to the system as soon as they are freed, where the C library is glibc,
-    # which otherwise comes to keep them: half of a process's memory.
+    # glibc comes to keep large arrays that are freed, half of a process's memory, unless told not to.
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
     if mallopt is not None:
         mallopt(_M_MMAP_THRESHOLD, _LARGE)
@@ -273,19 +274,18 @@ def _team(job: Job, workers: int) -> Iterator[Callable[[Round], list[Attempt]]]:
 
     try:
         yield attempt
-    finally:
-        pool.shutdown(cancel_futures=True)
+    except BaseException:
+        _kill(pool)
+        raise
+    pool.shutdown()
 
 
 def _pool(job: Job, workers: int) -> ProcessPoolExecutor:
-    return ProcessPoolExecutor(
-        workers, multiprocessing.get_context("spawn"), initializer=_begin, initargs=(job,)
-    )
+    return ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), _begin, (job,))
 
 
 def _kill(pool: ProcessPoolExecutor) -> None:
-    """End a broken pool with all its processes: one that it started while it broke waits for work
-    for ever, and this process for that one. Python 3.14 has `kill_workers`."""
+    """End a pool with all its processes: one that it started while it broke waits for work for ever."""
     processes = list((pool._processes or {}).values())
     pool.shutdown(wait=False, cancel_futures=True)
     for process in processes:

@@ -127,16 +127,20 @@ def describe(folder: Path, name: str) -> str:
 
 def _start(folder: Path, record: Mapping[str, Any], held: Sequence[str]) -> RunFolder:
     warn_replaced(folder, held)
-    # First the record, so that a torso is no run.
-    for name in held:
+    # First the record: whatever is there beside it from then on is this run's, or left over.
+    write_json(folder / RECORD, {**record, "format": FORMAT, "status": "running"})
+    _remove(folder, [name for name in held if name != RECORD])
+    prepare_folder(folder / WINDOWS)
+    return RunFolder(folder, record["identity"])
+
+
+def _remove(folder: Path, names: Sequence[str]) -> None:
+    for name in names:
         path = folder / name
         if path.is_dir():
             shutil.rmtree(path)
         else:
             path.unlink(missing_ok=True)
-    prepare_folder(folder / WINDOWS)
-    write_json(folder / RECORD, {**record, "format": FORMAT, "status": "running"})
-    return RunFolder(folder, record["identity"])
 
 
 def _resume(folder: Path, record: Mapping[str, Any]) -> RunFolder:
@@ -146,6 +150,8 @@ def _resume(folder: Path, record: Mapping[str, Any]) -> RunFolder:
     if stored.get("status") == "finished":
         shutil.rmtree(folder / WINDOWS, ignore_errors=True)
         return RunFolder(folder, identity, finished=load_run(folder))
+    # What an `overwrite` that was killed had not removed yet.
+    _remove(folder, [name for name in NAMES if name not in (RECORD, WINDOWS)])
     prepare_folder(folder / WINDOWS)
     return RunFolder(folder, identity, tuple(_read_windows(folder, fingerprint(identity))))
 

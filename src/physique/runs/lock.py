@@ -7,7 +7,7 @@ import os
 import shlex
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from filelock import FileLock, Timeout
@@ -45,10 +45,12 @@ def locked(folder: Path) -> Iterator[None]:
     holder = folder / HOLDER
     try:
         command = shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
-        holder.write_text(f"process {os.getpid()}: {command}", encoding="utf-8")
+        with suppress(OSError):  # a full disk is told by what must be written
+            holder.write_text(f"process {os.getpid()}: {command}", encoding="utf-8")
         yield
     finally:
-        holder.unlink(missing_ok=True)
+        with suppress(OSError):
+            holder.unlink(missing_ok=True)
         lock.release()
 
 

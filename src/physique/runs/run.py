@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,8 @@ FORMAT = "physique-run-2"
 RECORD, METRICS, TRAJECTORY = "run.json", "metrics.json", "trajectory.npz"
 CHARACTER, BODY, BVH, WINDOWS = "character.xml", "body.npz", "motion.bvh", "windows"
 POLICY, TREE, TREE_ROUNDS = "policy.npz", "tree.json", "tree"
+#: What `load_run` reads: of these `run.json` has the SHA-256.
+_READ = (METRICS, TRAJECTORY, CHARACTER, BODY)
 #: What a run owns in its folder; everything else is left alone.
 NAMES = (RECORD, METRICS, TRAJECTORY, CHARACTER, BODY, BVH, WINDOWS, POLICY, TREE, TREE_ROUNDS)
 
@@ -122,7 +125,8 @@ def load_run(folder: PathLike) -> Run:
     """The finished run in a folder.
 
     Raises InputError where there is none, it is not finished, or a file is damaged: its arrays
-    must have the documented names, types and shapes, be finite, and fit the model.
+    must have the documented names, types and shapes, be finite, and fit the model. So it does for
+    files of another run.
     """
     folder = Path(folder)
     record = read_record(folder)
@@ -139,16 +143,34 @@ def load_run(folder: PathLike) -> Run:
         timestep = float(load_character(xml, body).model.opt.timestep)
     except InputError as fault:
         raise InputError(str(folder / CHARACTER), fault.found, fault.expected, fault.remedy) from None
-    arrays = read_npz(folder / TRAJECTORY)
+    trajectory = schema.read_trajectory(folder / TRAJECTORY, read_npz(folder / TRAJECTORY), timestep)
+    made = record.get("files_sha256")
+    for name, now in _hashes(folder).items():
+        if not isinstance(made, dict) or made.get(name) != now:
+            raise InputError(
+                str(folder / name), "a file that this run did not write", "its own", "make the run anew"
+            )
     return Run(
         record=record,
         metrics=metrics,
-        trajectory=schema.read_trajectory(folder / TRAJECTORY, arrays, timestep),
+        trajectory=trajectory,
         character_xml=xml,
         body=body,
         mesh=mesh,
         folder=folder,
     )
+
+
+def protect_runs(path: Path) -> None:
+    """Raise InputError where writing the file `path` would replace a part of a run."""
+    if path.name in NAMES and (path.parent / RECORD).is_file():
+        raise InputError(
+            str(path), "a file of the run in this folder", "another name or folder", "correct the path"
+        )
+
+
+def _hashes(folder: Path) -> dict[str, str]:
+    return {name: hashlib.sha256((folder / name).read_bytes()).hexdigest() for name in _READ}
 
 
 def read_record(folder: Path) -> dict[str, Any]:
@@ -167,6 +189,6 @@ def finish_run(folder: Path, run: Run) -> Run:
     save_body(folder / BODY, run.mesh, run.body)
     write_npz(folder / TRAJECTORY, dataclasses.asdict(run.trajectory))
     write_json(folder / METRICS, run.metrics)
-    record = {**run.record, "format": FORMAT, "status": "finished"}
+    record = {**run.record, "format": FORMAT, "status": "finished", "files_sha256": _hashes(folder)}
     write_json(folder / RECORD, record)
     return dataclasses.replace(run, record=record, folder=folder)

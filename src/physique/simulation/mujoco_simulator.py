@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 
 import mujoco.rollout
 import numpy as np
@@ -29,15 +30,15 @@ class MujocoSimulator:
         self._tree = smooth.make_tree(character.model)
         self._steppers = [Stepper(character.model) for _ in range(threads)]
         self._datas = [stepper.data for stepper in self._steppers]
-        self._executor = ThreadPoolExecutor(threads)
+        self._open = ExitStack()
+        self._executor = self._open.enter_context(ThreadPoolExecutor(threads))
         self._pool = mujoco.rollout.Rollout(nthread=threads if threads > 1 else 0)
-        ONE_BLAS_THREAD.__enter__()
+        self._open.callback(self._pool.close)
+        self._open.enter_context(ONE_BLAS_THREAD)
 
     def close(self) -> None:
-        """Stop the threads."""
-        self._executor.shutdown()
-        self._pool.close()
-        ONE_BLAS_THREAD.__exit__()
+        """Stop the threads; once is enough."""
+        self._open.close()
 
     def __enter__(self) -> MujocoSimulator:
         return self
