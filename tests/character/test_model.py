@@ -10,12 +10,10 @@ from physique import skeleton
 from physique.character.hinges import AXES, HINGES, columns
 from physique.character.kinematics import joint_positions
 from physique.character.model import Character, make_character
-from physique.character.servo import within_limits
 from physique.character.state import integrate
 from physique.motion.read import read_motion
 from physique.reference.reference import Reference, make_reference
-from physique.simulation.rollout import simulate
-from physique.simulation.stepper import Stepper
+from replay import assert_text_replays
 
 #: MJCF text holds six significant digits, so lengths are off by micrometres.
 DIGITS = 6e-6
@@ -71,21 +69,7 @@ def test_shapes_stand_where_the_bodys_parts_are(character: Character) -> None:
 
 
 def test_the_text_alone_replays_a_simulation(character: Character, walk: Reference) -> None:
-    steps = 60
-    r, _ = simulate(
-        Stepper(character.model),
-        walk.q[20],
-        walk.v[20],
-        steps,
-        lambda t, q, v: within_limits(character, walk.q[21 + t, 7:], q, v),
-    )
-    model = mujoco.MjModel.from_xml_string(character.xml)
-    fresh = mujoco.MjData(model)
-    fresh.qpos[:], fresh.qvel[:] = walk.q[20], walk.v[20]
-    for t in range(steps):
-        fresh.ctrl[:] = r.control[t]
-        mujoco.mj_step(model, fresh)
-        assert np.array_equal(fresh.qpos, r.q[t + 1]), f"step {t}"
+    assert_text_replays(character, walk, 60)
 
 
 def slide(character: Character, degrees: float) -> float:

@@ -14,13 +14,11 @@ from physique.character.balance import move_com
 from physique.character.held import held_geoms
 from physique.character.kinematics import poses
 from physique.character.model import Character, empty_handed, load_character, make_character
-from physique.character.servo import within_limits
 from physique.character.start import start_state
 from physique.character.state import difference, integrate
 from physique.motion.read import read_motion
 from physique.reference.reference import Reference, carry, make_reference
-from physique.simulation.rollout import simulate
-from physique.simulation.stepper import Stepper
+from replay import assert_text_replays
 
 OBJECTS = [("stick:2kg", "right"), ("block:5kg:0.3m", "both"), ("stick:10kg:2m", "left")]
 
@@ -231,18 +229,4 @@ def test_the_least_change_is_a_minimum(loaded: Character, walk: Reference) -> No
 
 
 def test_the_text_alone_replays_it(loaded: Character, walk: Reference) -> None:
-    steps = 40
-    r, _ = simulate(
-        Stepper(loaded.model),
-        walk.q[20],
-        walk.v[20],
-        steps,
-        lambda t, q, v: within_limits(loaded, walk.q[21 + t, 7:], q, v),
-    )
-    model = mujoco.MjModel.from_xml_string(loaded.xml)
-    fresh = mujoco.MjData(model)
-    fresh.qpos[:], fresh.qvel[:] = walk.q[20], walk.v[20]
-    for t in range(steps):
-        fresh.ctrl[:] = r.control[t]
-        mujoco.mj_step(model, fresh)
-        assert np.array_equal(fresh.qpos, r.q[t + 1]), f"step {t}"
+    assert_text_replays(loaded, walk, 40)

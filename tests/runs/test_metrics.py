@@ -252,6 +252,6 @@ def test_motion_cost_agrees_with_the_problem_of_one_window(
         kinematics.com_velocity(pose.com_jacobian, v),
         reference.timestep,
     )
-    found = metrics.motion_cost(character, reference, trajectory, Weights())
+    found = metrics.motion_cost(kinematics.poses(character, trajectory.q), reference, trajectory, Weights())
     assert found == pytest.approx(expected)
     assert costs.total(found) > 0.1

@@ -25,6 +25,7 @@ from physique.character.model import Character
 from physique.character.servo import pd_torque
 from physique.character.state import integrate
 from physique.derivatives import contact, smooth
+from physique.derivatives.spatial import skew
 
 Array = NDArray[np.float64]
 
@@ -170,9 +171,7 @@ def _differentiate(
 
 def _right_jacobian(w: Array) -> Array:
     """Right Jacobians (..., 3, 3) of the exponential map at small rotation vectors w (..., 3)."""
-    S = np.zeros((*w.shape, 3))
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        S[..., j, i], S[..., i, j] = w[..., k], -w[..., k]
+    S = skew(w)
     angle = np.linalg.norm(w, axis=-1)[..., None, None]
     safe = np.where(angle > 1e-4, angle, 1.0)
     first = np.where(angle > 1e-4, (1 - np.cos(safe)) / safe**2, 0.5)

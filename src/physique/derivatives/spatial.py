@@ -91,3 +91,11 @@ def inertia_matrix(out: Array, packed: Array) -> None:
 def dot(a: Array, b: Array) -> float:
     """a . b of two vectors of six."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5]
+
+
+def skew(x: Array) -> Array:
+    """(..., 3, 3) of x (..., 3): the matrix of x times, not compiled."""
+    out = np.zeros((*x.shape, 3))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        out[..., j, i], out[..., i, j] = x[..., k], -x[..., k]
+    return out

@@ -18,6 +18,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from physique.derivatives.spatial import skew
+
 Array = NDArray[np.float64]
 
 _CAPSULE, _BOX, _ELLIPSOID, _PLANE = (
@@ -62,8 +64,8 @@ def motions(shapes: Sides, bodies: NDArray[np.int64], point: Array, frame: Array
     G, slide, face = _curvature(shapes, surface, sign[:, None] * normal[:, None])
     # By the motion of its own body: of the surface's point as a part of it, of a normal that is fixed in it.
     M, N = np.zeros((2, *surface.shape, 6))
-    M[..., :3], M[..., 3:] = -_skew(surface), np.eye(3)
-    N[..., :3] = -_skew(normal)[:, None]
+    M[..., :3], M[..., 3:] = -skew(surface), np.eye(3)
+    N[..., :3] = -skew(normal)[:, None]
     fixed = bodies < 0
     M[fixed], N[fixed] = 0.0, 0.0
     # By the motions of both, (C, 3, 12).
@@ -79,7 +81,7 @@ def motions(shapes: Sides, bodies: NDArray[np.int64], point: Array, frame: Array
     gap = normal[:, :, None] * (normal[:, None] @ (m1 - m0)) + distance[:, None, None] * change
     beside = np.where(first, p1 - 0.5 * gap, p0 + 0.5 * gap)
     moved = np.where(flat, beside, 0.5 * (p0 + p1))
-    return Motions(_apart(moved), _apart(_skew(normal) @ change))
+    return Motions(_apart(moved), _apart(skew(normal) @ change))
 
 
 def _curvature(shapes: Sides, surface: Array, outward: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
@@ -137,11 +139,3 @@ def _turn_of_normal(
 def _apart(both: Array) -> Array:
     """(C, 3, 12), by the motions of both bodies, as (C, 2, 3, 6)."""
     return np.ascontiguousarray(both.reshape(-1, 3, 2, 6).transpose(0, 2, 1, 3))
-
-
-def _skew(x: Array) -> Array:
-    """(..., 3, 3) of x (..., 3): the matrix of x times."""
-    out = np.zeros((*x.shape, 3))
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        out[..., j, i], out[..., i, j] = x[..., k], -x[..., k]
-    return out

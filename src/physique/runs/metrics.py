@@ -12,6 +12,7 @@ from physique import skeleton
 from physique.character import kinematics
 from physique.character.hinges import HINGES
 from physique.character.joint_error import SUCCESS_LIMIT, joint_errors
+from physique.character.kinematics import Poses
 from physique.character.model import CONTACT_FADE, Character
 from physique.character.soles import sole_points
 from physique.reference.reference import Reference
@@ -48,7 +49,7 @@ def measure(
     local = joint_errors(pose.joints - pose.joints[:, :1], wanted - wanted[:, :1])
     root = error[:, 0]
     sunk = penetration(pose.lowest)
-    terms = motion_cost(character, reference, trajectory, weights)
+    terms = motion_cost(pose, reference, trajectory, weights)
     still = joint_errors(pose.joints, reference.joints[:frames])
     return {
         "success": bool(frames == reference.frames and by_frame.max() <= SUCCESS_LIMIT),
@@ -78,7 +79,7 @@ def measure(
         "penetration_mm": 1e3 * float(sunk.mean()),
         "penetration_max_mm": 1e3 * float(sunk.max()),
         "cost": _summed(terms),
-        "cost_paper": _summed(motion_cost(character, reference, trajectory, Weights())),
+        "cost_paper": _summed(motion_cost(pose, reference, trajectory, Weights())),
         **torque_use(character, trajectory.torque),
         "windows": [window_metrics(w, by_frame, step) for w in windows],
     }
@@ -121,11 +122,13 @@ def foot_skate(
 
 
 def motion_cost(
-    character: Character, reference: Reference, trajectory: Trajectory, weights: Weights
+    pose: Poses, reference: Reference, trajectory: Trajectory, weights: Weights
 ) -> dict[str, Array]:
-    """Weighted terms of Eq. 2 over all frames, against the reference as moved for each window."""
+    """Weighted terms of Eq. 2 over all frames, against the reference as moved for each window.
+
+    pose: of the trajectory.
+    """
     frames = trajectory.frames
-    pose = kinematics.poses(character, trajectory.q)
     shift = trajectory.reference_q[:, :3] - reference.q[:frames, :3]
     target = Target(
         q=trajectory.reference_q,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from physique.simulation.stepper import Observer, Push, Stepper
 
 Array = NDArray[np.float64]
+M = TypeVar("M")
 
 #: (t, q (57,), v (56,)) -> position targets (50,) of step t.
 Controller = Callable[[int, Array, Array], Array]
@@ -34,9 +36,18 @@ class Rollout:
 
     def beginning(self, frames: int) -> Rollout:
         """The first `frames` frames."""
-        steps = ("control", "torque")
-        cut = {f.name: getattr(self, f.name)[: frames - (f.name in steps)] for f in fields(self)[:-1]}
-        return replace(self, **cut)
+        return beginning(self, frames)
+
+
+def beginning(motion: M, frames: int) -> M:
+    """A dataclass of arrays by frame, control and torque by step, of the first `frames` frames."""
+    arrays = {f.name: getattr(motion, f.name) for f in fields(motion)}  # type: ignore[arg-type]
+    cut = {
+        name: array[: frames - (name in ("control", "torque"))]
+        for name, array in arrays.items()
+        if isinstance(array, np.ndarray)
+    }
+    return replace(motion, **cut)  # type: ignore[type-var]
 
 
 def simulate(

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from physique.reference.reference import Reference
+from physique.simulation.rollout import beginning
 from physique.tracking.windows import Window
 
 Array = NDArray[np.float64]
@@ -46,10 +47,7 @@ class Trajectory:
 
     def beginning(self, frames: int) -> Trajectory:
         """The first `frames` frames."""
-        steps = ("control", "torque")
-        return Trajectory(
-            **{f.name: getattr(self, f.name)[: frames - (f.name in steps)] for f in fields(self)}
-        )
+        return beginning(self, frames)
 
 
 def join(reference: Reference, q0: Array, v0: Array, windows: Sequence[Window]) -> Trajectory:
