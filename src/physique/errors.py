@@ -28,3 +28,8 @@ def suggest(word: str, known: Iterable[str], otherwise: str) -> str:
     names = {name.lstrip("-"): name for name in known}  # dashes are no likeness
     near = get_close_matches(word.lstrip("-"), list(names), n=1)
     return f"did you mean {names[near[0]]!r}?" if near else otherwise
+
+
+def reason(fault: OSError) -> str:
+    """What the system says, without the errno and the path, e.g. "no such file or directory"."""
+    return (fault.strerror or str(fault)).lower()

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.lib import format as npy_format
 from numpy.typing import ArrayLike, NDArray
 
-from physique.errors import InputError
+from physique.errors import InputError, reason
 
 PathLike = str | os.PathLike[str]
 
@@ -41,7 +41,7 @@ def prepare_folder(path: PathLike) -> Path:
     except OSError as fault:
         raise InputError(
             str(folder),
-            _reason(fault),
+            reason(fault),
             "a folder that can be written",
             "choose another folder or change its permissions",
         ) from None
@@ -70,7 +70,7 @@ def write_atomic(path: PathLike, data: bytes) -> None:
     except OSError as fault:
         raise InputError(
             str(path),
-            _reason(fault),
+            reason(fault),
             "a file that can be written",
             "check that its folder exists, its permissions and the free space",
         ) from None
@@ -111,7 +111,7 @@ def read_npz(path: PathLike) -> dict[str, NDArray[Any]]:
                 name = member.removesuffix(".npy")
                 arrays[name] = npy_format.read_array(content, allow_pickle=False)
     except OSError as fault:
-        raise _unreadable(path, _reason(fault), "an npz file") from None
+        raise _unreadable(path, reason(fault), "an npz file") from None
     except Exception as fault:  # the parsers of zip and npy raise a dozen kinds on damaged bytes
         where = f"array {member!r} damaged: " if member else ""
         raise _unreadable(path, f"{where}{fault}", "a whole npz file of plain arrays") from None
@@ -135,7 +135,7 @@ def read_json(path: PathLike) -> Any:
     try:
         return json.loads(path.read_bytes().decode(), parse_constant=_refuse, parse_float=_finite)
     except OSError as fault:
-        raise _unreadable(path, _reason(fault), "a JSON file") from None
+        raise _unreadable(path, reason(fault), "a JSON file") from None
     except json.JSONDecodeError as fault:
         place = f"line {fault.lineno}, column {fault.colno}"
         raise _unreadable(path, f"{fault.msg} at {place}", "whole, valid JSON") from None
@@ -176,11 +176,6 @@ def _unreadable(path: Path, found: str, expected: str) -> InputError:
     # The parsers quote damaged bytes, and as many as there are.
     readable = "".join(c if c.isprintable() else "?" for c in found[:300])
     return InputError(str(path), readable, expected, "check the path, or make the file anew")
-
-
-def _reason(fault: OSError) -> str:
-    """What the system says, without the errno and the path, e.g. "no such file or directory"."""
-    return (fault.strerror or str(fault)).lower()
 
 
 def _sync_folder(folder: Path) -> None:

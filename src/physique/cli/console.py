@@ -25,7 +25,7 @@ from rich.console import Console
 from rich.logging import RichHandler
 from rich.table import Table
 
-from physique.errors import InputError
+from physique.errors import InputError, reason
 
 if TYPE_CHECKING:
     from physique.body.describe import BodyFacts
@@ -121,8 +121,9 @@ def _give_up(stream: TextIO, fault: OSError) -> None:
     """Say no more there. Who left does not miss it; what a full disk loses of results is said."""
     _abandon(stream)
     if stream is sys.stdout and not isinstance(fault, BrokenPipeError):
-        reason = (fault.strerror or str(fault)).lower()
-        raise InputError("standard output", reason, "a place that takes it", "free some space") from None
+        raise InputError(
+            "standard output", reason(fault), "a place that takes it", "free some space"
+        ) from None
 
 
 def _abandon(stream: IO[str]) -> None:

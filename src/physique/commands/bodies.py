@@ -16,9 +16,9 @@ from physique.body.describe import BodyFacts, describe_body
 from physique.body.fit import Sex, make_body
 from physique.body.mesh import BodyMesh
 from physique.commands.inputs import find_body
+from physique.commands.outputs import check_output
 from physique.errors import InputError
 from physique.render.picture import body_picture
-from physique.runs.run import protect_runs
 from physique.store import prepare_folder, write_atomic
 
 
@@ -68,15 +68,14 @@ def choose_body(
 
 def write_body(path: Path, made: MadeBody) -> None:
     """Store a body as an npz file. Raises InputError where the file cannot be written, and for a run's."""
-    protect_runs(path)
-    _check_suffix(path, ".npz")
+    check_output(path, (".npz",))
     prepare_folder(path.parent)
     save_body(path, made.mesh, made.capsules)
 
 
 def picture_body(path: Path, made: MadeBody) -> None:
     """Draw skin and capsules into a PNG file. Raises InputError where it cannot be written."""
-    _check_suffix(path, ".png")
+    check_output(path, (".png",))
     prepare_folder(path.parent)
     write_png(path, body_picture(made.mesh, made.capsules))
 
@@ -86,9 +85,3 @@ def write_png(path: Path, picture: Any) -> None:
     buffer = io.BytesIO()
     Image.fromarray(picture).save(buffer, "PNG", optimize=True)
     write_atomic(path, buffer.getvalue())
-
-
-def _check_suffix(path: Path, suffix: str) -> None:
-    if path.suffix.lower() != suffix or path.is_dir():
-        found = "a folder" if path.is_dir() else f"suffix {path.suffix!r}"
-        raise InputError(str(path), found, f"a file that ends in {suffix}", "correct the path")

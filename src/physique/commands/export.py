@@ -6,9 +6,10 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
+from physique.commands.outputs import check_output
 from physique.errors import InputError
-from physique.export.formats import Format, find_format
-from physique.runs.run import Run, load_run, protect_runs
+from physique.export.formats import find_format
+from physique.runs.run import Run, load_run
 from physique.store import PathLike, prepare_folder
 
 
@@ -49,7 +50,7 @@ def export_run(
         raise InputError("runs", "none", "at least one run", "name the folder of a run")
     loaded = [run if isinstance(run, Run) else load_run(run) for run in several]
     if kind.together or len(loaded) == 1:
-        _check_suffix(kind, out)
+        check_output(out, kind.suffixes)
         prepare_folder(out.parent)
         return [kind.write(out, loaded, options)]
     if kind.owns(out) or out.is_file():
@@ -77,12 +78,3 @@ def file_names(titles: Sequence[str]) -> list[str]:
             unique = f"{name}_{count}"
         names.append(unique)
     return names
-
-
-def _check_suffix(kind: Format, out: Path) -> None:
-    protect_runs(out)
-    if kind.owns(out) and not out.is_dir():
-        return
-    found = "a folder" if out.is_dir() else f"suffix {out.suffix!r}"
-    wanted = " or ".join(kind.suffixes)
-    raise InputError(str(out), found, f"a file that ends in {wanted}", "correct the path")

@@ -6,7 +6,7 @@ import logging
 from collections.abc import Sequence
 from pathlib import Path
 
-from physique.errors import InputError
+from physique.commands.outputs import check_output
 from physique.report.report import report_html
 from physique.runs.run import Run, load_run
 from physique.store import PathLike, prepare_folder, write_atomic
@@ -26,10 +26,7 @@ def write_report(path: PathLike, runs: Sequence[Run | PathLike]) -> Path:
     written.
     """
     path = Path(path)
-    if path.suffix.lower() not in (".html", ".htm"):
-        raise InputError(
-            str(path), f"suffix {path.suffix!r}", "a file that ends in .html", "correct the path"
-        )
+    check_output(path, (".html", ".htm"))
     loaded = [run if isinstance(run, Run) else load_run(run) for run in runs]
     page = report_html(loaded).encode()
     if len(page) > MOST_BYTES * len(loaded):

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from filelock import FileLock, Timeout
 
-from physique.errors import InputError
+from physique.errors import InputError, reason
 
 log = logging.getLogger(__name__)
 
@@ -38,8 +38,7 @@ def locked(folder: Path) -> Iterator[None]:
             "wait for its end or stop it, or choose another folder",
         ) from None
     except OSError as fault:
-        reason = (fault.strerror or str(fault)).lower()
-        log.warning("%s: cannot be locked (%s); let only one process write into it", folder, reason)
+        log.warning("%s: cannot be locked (%s); let only one process write into it", folder, reason(fault))
         yield
         return
     holder = folder / HOLDER
